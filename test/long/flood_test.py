@@ -10,18 +10,11 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, 'test/ros'))
-
-
-from ports import free_port  # noqa: E402
-
-PORT = free_port()
-os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
 os.environ['ROS_HOME'] = tempfile.mkdtemp()
 
 import rosgraph  # noqa: E402
@@ -32,14 +25,14 @@ from dynamic_reconfigure.srv import Reconfigure  # noqa: E402
 from geometry_msgs.msg import PoseWithCovariance  # noqa: E402
 from ktgp_orb.msg import HomographyStamped, Match, TargetDetections  # noqa: E402
 from ktgp_orb.srv import DetectTargets, MatchPair, RemoveTarget, SaveMosaic, SetPose, SetTarget  # noqa: E402
-from ktgp_testing import Memory, Recorder, image_message, texture, view, wait_until  # noqa: E402
+from ktgp_testing import Memory, Recorder, Repeated, image_message, own_master, texture, view, wait_until  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rosgraph_msgs.msg import Log  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image, Range  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 SECONDS = float(os.environ.get('KTGP_ORB_FLOOD_SECONDS', '600'))
-RATE = 10.0  # images a second; the other floods are about as fast
+PERIOD = 0.1  # s, of the images; the other floods are about as fast
 GROWTH = 40.0  # MB, of some hundred; what a nodelet lost at each loading would add up to more
 SIZE = (320, 240)
 KINDS = {'matcher': 'matcher', 'stabilizer': 'stabilizer', 'mosaic': 'mosaic',
@@ -50,9 +43,7 @@ STARTED = []
 
 
 def setUpModule():
-    STARTED.append(subprocess.Popen(['rosmaster', '--core', '-p', str(PORT)], stdout=subprocess.DEVNULL,
-                                    stderr=subprocess.DEVNULL))
-    wait_until(rosgraph.is_master_online, 'the master answers')
+    STARTED.append(own_master())
     # Beyond the ranges, clamped values and refusals are logged by the thousand.
     quiet = os.path.join(ROOT, 'test/ros/quiet.config')
     STARTED.append(subprocess.Popen(['rosrun', 'nodelet', 'nodelet', 'manager', '__name:=manager'],
@@ -100,28 +91,6 @@ class Loader:
     def unload(self):
         self.program.send_signal(signal.SIGINT)
         self.program.wait(60)
-
-
-class Flood:
-    """Does something again and again in a thread of its own."""
-
-    def __init__(self, rate, act):
-        self.count, self.trouble, self._rate, self._act = 0, None, rate, act
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self):
-        try:
-            while not self._end.wait(1.0 / self._rate):
-                self._act()
-                self.count += 1
-        except Exception as error:  # said by the test
-            self.trouble = error
-
-    def stop(self):
-        self._end.set()
-        self._thread.join()
 
 
 class FloodTest(unittest.TestCase):
@@ -233,8 +202,8 @@ class FloodTest(unittest.TestCase):
         warm = max(10.0, 0.15 * SECONDS)
         rests, totals = [], {}
         for part in (warm, 0.5 * (SECONDS - warm), 0.5 * (SECONDS - warm)):
-            floods = {'images': Flood(RATE, self.send), 'parameters': Flood(RATE, self.change_parameters),
-                      'services': Flood(RATE, self.call_a_service), 'loadings': Flood(1.0, self.load_anew)}
+            floods = {'images': Repeated(PERIOD, self.send), 'parameters': Repeated(PERIOD, self.change_parameters),
+                      'services': Repeated(PERIOD, self.call_a_service), 'loadings': Repeated(1.0, self.load_anew)}
             end = time.time() + part
             while time.time() < end and all(flood.trouble is None for flood in floods.values()):
                 self.assertIsNone(STARTED[-1].poll(), 'the manager has died')

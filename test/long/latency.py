@@ -13,38 +13,19 @@ the share of frames that were dropped for newer ones. Eight matchers all use the
 """
 import argparse
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import time
 
+import cv2
 import numpy as np
+import rospy
+import yaml
+from ktgp_orb.msg import MatchStatistics
+from sensor_msgs.msg import Image
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../ros'))
-
-
-from ports import free_port  # noqa: E402
-
-
-class Processes:
-    """Processes in their own groups, ended together."""
-
-    def __init__(self):
-        self._all = []
-
-    def start(self, *command):
-        self._all.append(subprocess.Popen(command, stdout=subprocess.DEVNULL,
-                                          stderr=subprocess.DEVNULL, start_new_session=True))
-
-    def stop(self):
-        for process in reversed(self._all):
-            try:
-                os.killpg(process.pid, signal.SIGTERM)
-            except ProcessLookupError:
-                pass
-            process.wait()
-        self._all = []
+from ktgp_testing import Program, image_message, own_master, texture, view  # noqa: E402
 
 
 def percentile(values, share):
@@ -55,11 +36,7 @@ class Run:
     """One row of the table."""
 
     def __init__(self, matchers, parameters):
-        import rospy
-        from ktgp_orb.msg import MatchStatistics
-        from sensor_msgs.msg import Image
-        self._processes = Processes()
-        self._processes.start('rosrun', 'nodelet', 'nodelet', 'manager', '__name:=manager')
+        self._programs = [Program('rosrun', 'nodelet', 'nodelet', 'manager', '__name:=manager')]
         self._publisher = rospy.Publisher('/camera/image', Image, queue_size=1)
         self.latencies = []
         self.dropped = [0] * matchers
@@ -67,8 +44,8 @@ class Run:
         self._subscribers = []
         for i in range(matchers):
             rospy.set_param('/matcher%d' % i, parameters)
-            self._processes.start('rosrun', 'nodelet', 'nodelet', 'load', 'ktgp_orb/matcher',
-                                  '/manager', 'image:=/camera/image', '__name:=matcher%d' % i)
+            self._programs.append(Program('rosrun', 'nodelet', 'nodelet', 'load', 'ktgp_orb/matcher', '/manager',
+                                          'image:=/camera/image', '__name:=matcher%d' % i))
             self._subscribers.append(rospy.Subscriber(
                 '/matcher%d/statistics' % i, MatchStatistics, self._take, callback_args=i))
         self._seen = set()
@@ -81,7 +58,6 @@ class Run:
 
     def publish(self, rate, seconds, images):
         """Runs for `seconds`, or until every matcher has answered if that is None."""
-        import rospy
         start = time.monotonic()
         count = 0
         while not rospy.is_shutdown():
@@ -113,16 +89,14 @@ class Run:
         for subscriber in self._subscribers:
             subscriber.unregister()
         self._publisher.unregister()
-        self._processes.stop()
+        for program in reversed(self._programs):
+            program.end()
 
 
 def parameters_of(arguments, folder):
     """Of every matcher."""
     if not arguments.lost_target:
         return {'search_radius': arguments.search_radius}
-    import cv2
-    import yaml
-    from ktgp_testing import texture
     reference = os.path.join(folder, 'reference.png')
     cv2.imwrite(reference, texture(480, 640, seed=2))
     robust = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../config/robust.yaml')
@@ -131,8 +105,6 @@ def parameters_of(arguments, folder):
 
 
 def measure_all(arguments, folder):
-    import rospy
-    from ktgp_testing import image_message, view
     parameters = parameters_of(arguments, folder)
     images = [image_message(view(4 * i, 2 * i), rospy.Time(1)) for i in range(60)]
     print('| camera | matchers | neighbour | p50 | p99 | max | frames | dropped |')
@@ -140,17 +112,15 @@ def measure_all(arguments, folder):
     for rate in arguments.rates:
         for matchers in arguments.matchers:
             for name in arguments.neighbours:
-                busy = name == 'busy'
-                neighbour = Processes()
-                if busy:
-                    neighbour.start('taskset', '-c', str(os.cpu_count() - 1), sys.executable, '-c',
-                                    'while True: pass')
+                neighbour = Program('taskset', '-c', str(os.cpu_count() - 1), sys.executable, '-c',
+                                    'while True: pass') if name == 'busy' else None
                 run = Run(matchers, parameters)
                 try:
                     dropped = run.measure(rate, arguments.seconds, images)
                 finally:
                     run.stop()
-                    neighbour.stop()
+                    if neighbour:
+                        neighbour.end()
                 print('| %g Hz | %d | %s | %.1f ms | %.1f ms | %.1f ms | %d | %.1f %% |' % (
                     rate, matchers, name, percentile(run.latencies, 50),
                     percentile(run.latencies, 99), max(run.latencies or [float('nan')]),
@@ -168,21 +138,15 @@ def main():
     parser.add_argument('--search-radius', type=float, default=0.0)
     parser.add_argument('--lost-target', action='store_true')
     arguments = parser.parse_args()
-    port = free_port()
-    os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % port
-    core = Processes()
-    core.start('roscore', '-p', str(port))
+    master = own_master()
     try:
-        import rosgraph
-        import rospy
-        while not rosgraph.is_master_online():
-            time.sleep(0.1)
         rospy.init_node('latency', disable_signals=True)
         with tempfile.TemporaryDirectory() as folder:
             measure_all(arguments, folder)
         rospy.signal_shutdown('done')
     finally:
-        core.stop()
+        master.terminate()
+        master.wait()
 
 
 if __name__ == '__main__':

@@ -2,6 +2,7 @@
 """The nodelet under faults that take long or affect the machine: a killed process, a master that hangs for
 ten seconds, clocks that jump, a viewer that never reads. Run by ctest -L long, with its own master."""
 
+import itertools
 import os
 import signal
 import socket
@@ -9,26 +10,19 @@ import struct
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import unittest
 import xmlrpc.client
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, 'test/ros'))
-
-
-from ports import free_port  # noqa: E402
-
-PORT = free_port()
-os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
 os.environ['ROS_HOME'] = tempfile.mkdtemp()
 MASTER = None
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
 from ktgp_orb.msg import MatchStatistics, MatchStatus  # noqa: E402
-from ktgp_testing import Recorder, image_message, view, wait_until  # noqa: E402
+from ktgp_testing import Recorder, Repeated, image_message, own_master, view, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
 
@@ -38,53 +32,25 @@ STATISTICS = '/camera/matcher/statistics'
 
 def setUpModule():
     global MASTER
-    MASTER = start_master()
+    MASTER = own_master()
     unittest.addModuleCleanup(MASTER.terminate)
     rospy.init_node('robot_faults', disable_signals=True)
     unittest.addModuleCleanup(rospy.signal_shutdown, 'done')
 
 
-def start_master():
-    process = subprocess.Popen(['rosmaster', '--core', '-p', str(PORT)], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL)
-    wait_until(rosgraph.is_master_online, 'the master answers')
-    return process
-
-
-class Traffic:
-    """Publishes 20 images per second from its own thread, with stamps from `now`."""
-
-    def __init__(self, now=rospy.Time.now, size=(320, 240)):
-        self.now, self.size, self.sent = now, size, 0
-        self._publisher = rospy.Publisher(CAMERA, Image, queue_size=2)
-        self._running = True
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self):
-        while self._running:
-            step = self.sent % 40
-            message = image_message(view(100 + 4 * step, 100 + 2 * step, *self.size), self.now())
-            self._publisher.publish(message)
-            self.sent += 1
-            time.sleep(0.05)
-
-    def stop(self):
-        self._running = False
-        self._thread.join()
-        self._publisher.unregister()
-
-
 class FaultTest(unittest.TestCase):
-    def matching(self, *arguments, environment=None, **traffic):
-        """The statistics of a nodelet that matches."""
+    def matching(self, *arguments, environment=None, now=rospy.Time.now, size=(320, 240)):
+        """The statistics of a nodelet that matches 20 images per second, with stamps from `now`."""
         process = subprocess.Popen(['roslaunch', 'ktgp_orb', 'matcher.launch', 'features:=500'] +
                                    list(arguments), env=dict(os.environ, **(environment or {})))
         self.addCleanup(process.wait)
         self.addCleanup(process.terminate)
         recorder = Recorder(STATISTICS, MatchStatistics)
         self.addCleanup(recorder.close)
-        self.addCleanup(Traffic(**traffic).stop)
+        camera = rospy.Publisher(CAMERA, Image, queue_size=2)
+        self.addCleanup(camera.unregister)
+        places = itertools.cycle((100 + 4 * step, 100 + 2 * step) for step in range(40))
+        self.addCleanup(Repeated(0.05, lambda: camera.publish(image_message(view(*next(places), *size), now()))).stop)
         self.check_ok(recorder, 'it matches')
         return recorder
 
@@ -153,17 +119,12 @@ class FaultTest(unittest.TestCase):
         self.addCleanup(rospy.delete_param, '/use_sim_time')
         clock = rospy.Publisher('/clock', Clock, queue_size=1)
         self.addCleanup(clock.unregister)
-        state = {'now': 10000.0, 'running': True}
+        state = {'now': 10000.0}
 
         def tick():
-            while state['running']:
-                state['now'] += 0.01
-                clock.publish(Clock(rospy.Time.from_sec(state['now'])))
-                time.sleep(0.01)
-        ticking = threading.Thread(target=tick)
-        ticking.start()
-        self.addCleanup(ticking.join)
-        self.addCleanup(state.update, running=False)
+            state['now'] += 0.01
+            clock.publish(Clock(rospy.Time.from_sec(state['now'])))
+        self.addCleanup(Repeated(0.01, tick).stop)
         recorder = self.matching(now=lambda: rospy.Time.from_sec(state['now']))
         for jump in (3600.0, -3600.0, -3600.0, 3600.0):
             state['now'] += jump

@@ -4,10 +4,9 @@ import os
 
 import cv2
 import numpy as np
-import rosbag
 import rospy
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import FolderCase, image_message, messages_of, texture
+from ktgp_testing import FolderCase, messages_of, texture, write_bag
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
 
 POSITIONS = [POSITION + (0.02 * i, 0.01 * i, 0.05 * i) for i in range(5)]
@@ -23,15 +22,8 @@ class BagTargetsTest(FolderCase):
         cv2.imwrite(self.path('other.png'), texture(300, 400, seed=11))
         self.write('targets.yaml', LIST)
 
-    def write_bag(self, frames=FRAMES, info=information(), seconds=None):
-        """seconds: stamps of the images, if not 33 ms apart."""
-        with rosbag.Bag(self.path('in.bag'), 'w') as bag:
-            for i, picture in enumerate(frames):
-                arrival = rospy.Time.from_sec(1000 + i / 30.0)
-                stamp = rospy.Time.from_sec(seconds[i]) if seconds else arrival
-                bag.write('/camera/image_raw', image_message(picture, stamp), arrival)
-                if info:
-                    bag.write('/camera/camera_info', info, arrival)
+    def write_bag(self, frames=FRAMES, info=information(), stamps=None):
+        write_bag(self.path('in.bag'), frames, info=info, stamps=stamps)
 
     def run_bag(self, *arguments, recording='in.bag', **expected):
         self.run_program(os.environ['KTGP_ORB_BAG'], recording, 'out.bag', '--targets', 'targets.yaml', *arguments,
@@ -69,7 +61,7 @@ class BagTargetsTest(FolderCase):
 
     def test_images_without_a_target_count_and_a_loop_begins_anew(self):
         blank = np.full_like(FRAMES[0], 90)
-        self.write_bag([FRAMES[0], FRAMES[1], FRAMES[0], blank], seconds=(1000.0, 1000.1, 900.0, 900.1))
+        self.write_bag([FRAMES[0], FRAMES[1], FRAMES[0], blank], stamps=(1000.0, 1000.1, 900.0, 900.1))
         self.run_bag(words='3 detections in 3 of 4 images, 3 of them with a pose')
         self.assertEqual([[d.age for d in m.detections] for m in self.detections()], [[1], [2], [1], []])
 

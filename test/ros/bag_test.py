@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """A bag through the live matcher, frame by frame: every message is there, consistent and true.
 
 Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be empty) and
@@ -10,24 +9,9 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus
-from ktgp_testing import MatcherCase, run_as_node
+from ktgp_testing import MatcherCase, corners_off, mapped
 
 STAGES = ['knn', 'tf', 'gms', 'prosac', 'align']
-
-
-def matrix(message):
-    return np.array(message.homography).reshape(3, 3)
-
-
-def transform(homography, points):
-    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    return mapped[:, :2] / mapped[:, 2:]
-
-
-def corner_error(estimate, truth, width, height):
-    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
-    return np.abs(np.linalg.norm(transform(estimate, corners) - transform(truth, corners),
-                                 axis=1)).max()
 
 
 class BagTest(MatcherCase):
@@ -112,7 +96,7 @@ class BagTest(MatcherCase):
             # The final matches are those within 3 px of the published homography.
             reference = np.column_stack([m.reference_x, m.reference_y]).astype(float)
             target = np.column_stack([m.target_x, m.target_y]).astype(float)
-            errors = np.linalg.norm(transform(matrix(homography), reference) - target, axis=1)
+            errors = np.linalg.norm(mapped(homography.homography, reference) - target, axis=1)
             clear = np.abs(errors - 3.0) > 1e-6
             survived = levels >= Correspondences.LEVEL_KTG
             np.testing.assert_array_equal((levels == Correspondences.LEVEL_KTGP)[clear & survived],
@@ -137,7 +121,7 @@ class BagTest(MatcherCase):
             truth = self.truth[header.stamp]
             self.assertEqual(truth.reference_stamp, message.reference_stamp)
             found = message.status == MatchStatus.STATUS_OK
-            errors.append(corner_error(matrix(message), matrix(truth), *self.size)
+            errors.append(np.linalg.norm(corners_off(message.homography, truth.homography, self.size), axis=1).max()
                           if found else np.inf)
         self.assertGreater(len(errors), 100)
         share = np.mean(np.array(errors) < 1.0)
@@ -147,7 +131,3 @@ class BagTest(MatcherCase):
 
     def segment(self, stamp):
         return self.segments.get(stamp, 'clean')
-
-
-if __name__ == '__main__':
-    run_as_node(BagTest)

@@ -14,12 +14,9 @@ import tempfile
 import unittest
 
 import cv2
-import rosbag
-import rospy
 from sensor_msgs.msg import CameraInfo
 
-from ktgp_testing import TIMEOUT, image_message, view
-from ports import free_port
+from ktgp_testing import TIMEOUT, free_port, view, views, write_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
@@ -134,7 +131,7 @@ NOT_RUN = {
         'dev/mutate{, --refresh, --refresh 15 1, core/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
         'scripts/test -L long{, -R {motion,latency,lost_target,faults,verdict,targets,long_flood,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
-        'rostest test/ros/robot_overload.test seconds:=120',
+        'rostest test/ros/program.test name:=robot_overload args:=--seconds=120',
         'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
         '--methods ROBUST-GROWTH\\,ROBUST\\,HARD\\,HARD-VIEWS\\,SIFT\\,AKAZE'],
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
@@ -236,20 +233,14 @@ def copy_build(to, clone):
 def write_inputs(folder):
     def path(*names):
         return os.path.join(folder, *names)
-    with rosbag.Bag(path('my.bag'), 'w') as bag:
-        for i in range(6):
-            stamp = rospy.Time.from_sec(1000 + 0.1 * i)
-            image = image_message(view(100 + 5 * i, 100, 320, 240), stamp)
-            bag.write('/camera/image_raw', image, stamp)
-            info = CameraInfo(header=image.header, width=320, height=240, distortion_model='plumb_bob',
-                              D=[0.0] * 5)
-            info.K = [300, 0, 160, 0, 300, 120, 0, 0, 1]
-            bag.write('/camera/camera_info', info, stamp)
+    info = CameraInfo(width=320, height=240, distortion_model='plumb_bob', D=[0.0] * 5,
+                      K=[300, 0, 160, 0, 300, 120, 0, 0, 1])
+    write_bag(path('my.bag'), views(6), info=info, rate=10.0)
     for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
         cv2.imwrite(path(name), view(x, 100, 320, 240))
     video = cv2.VideoWriter(path('my.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30.0, (320, 240))
-    for i in range(4):
-        video.write(cv2.cvtColor(view(100 + 5 * i, 100, 320, 240), cv2.COLOR_GRAY2BGR))
+    for picture in views(4):
+        video.write(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))
     video.release()
     with open(path('list.txt'), 'w') as file:
         file.write('my.bag\n')

@@ -1,6 +1,7 @@
 """Common code of the integration tests: images with a known motion, a camera, a recorder of topics."""
 
 import os
+import random
 import socket
 import subprocess
 import sys
@@ -13,7 +14,6 @@ import numpy as np
 import rosbag
 import rosgraph
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, TwoViewGeometry
@@ -22,7 +22,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
 sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
-from tool_case import FolderCase  # noqa: E402, F401
+from tool_case import FAR, NEAR, FolderCase, corners_off, mapped, shift, two_depths  # noqa: E402, F401
 
 # s; limit for any expected message on a busy machine; less for mutation tests
 TIMEOUT = float(os.environ.get('KTGP_ORB_TEST_TIMEOUT', '120'))
@@ -60,6 +60,26 @@ def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     return message
 
 
+def views(count, x=100):
+    """Pictures of 320x240 of a camera that moves 5 px to the right per frame."""
+    return [view(x + 5 * i, 100, 320, 240) for i in range(count)]
+
+
+def write_bag(path, pictures, topic='/camera/image_raw', info=None, rate=30.0, stamps=None,
+              convert=lambda image: image, **options):
+    """A recording of pictures from 1000 s on, each as `convert` makes it from its message, with a camera_info for
+    each. stamps: those of the headers, s, if not the time of arrival."""
+    with rosbag.Bag(path, 'w', **options) as bag:
+        for i, picture in enumerate(pictures):
+            arrival = rospy.Time.from_sec(1000 + i / rate)
+            image = image_message(picture, rospy.Time.from_sec(stamps[i]) if stamps else arrival)
+            bag.write(topic, convert(image), arrival)
+            if info:
+                info.header = image.header
+                bag.write(os.path.dirname(topic) + '/camera_info', info, arrival)
+    return path
+
+
 def messages_of(bag, topic):
     """All of a topic, in their order."""
     with rosbag.Bag(bag) as file:
@@ -75,11 +95,29 @@ def wait_until(condition, what, timeout=TIMEOUT):
         time.sleep(0.01)
 
 
-def run_as_node(test):
-    """Runs a test case in a node with the name of its file."""
-    name = os.path.splitext(os.path.basename(sys.argv[0]))[0]
-    rospy.init_node(name)
-    rostest.rosrun('ktgp_orb', name, test, sys.argv)
+def free_port():
+    """A port on which nothing listens. It is below those that the system gives to connections: between
+    this check and the start of the master such a port could be taken by any program beside it."""
+    while True:
+        port = random.randrange(20000, 32000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(('', port))
+                return port
+            except OSError:
+                pass
+
+
+def own_master(environment=os.environ):
+    """The process of a ROS master of the test's own, which the environment names from now on."""
+    process = None
+    while process is None or process.poll() is not None:  # another program has taken the port meanwhile
+        environment['ROS_MASTER_URI'] = 'http://localhost:%d' % free_port()
+        master = rosgraph.Master('/own_master', environment['ROS_MASTER_URI'])
+        process = subprocess.Popen(['rosmaster', '--core', '-p', environment['ROS_MASTER_URI'].rsplit(':', 1)[1]],
+                                   env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_until(lambda: process.poll() is not None or master.is_online(), 'the master answers')
+    return process
 
 
 def check_each(cases, check):
@@ -209,6 +247,29 @@ class Program:
         if not said():
             self.reader.join(TIMEOUT)
         return said()
+
+
+class Repeated:
+    """Does something again and again, every `period` s of wall time, in a thread of its own until stop()."""
+
+    def __init__(self, period, act):
+        self.period, self.count, self.trouble, self._act = period, 0, None, act
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        try:
+            while not self._end.wait(self.period):
+                self._act()
+                self.count += 1
+        except Exception as error:
+            self.trouble = error
+            raise
+
+    def stop(self):
+        self._end.set()
+        self._thread.join()
 
 
 class Recorder:

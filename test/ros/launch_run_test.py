@@ -17,8 +17,7 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, FolderCase, Program, image_message, view, wait_until
-from ports import free_port
+from ktgp_testing import TIMEOUT, FolderCase, Program, free_port, image_message, own_master, view, wait_until
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -68,22 +67,10 @@ class Master:
     """A separate ROS master, to query the running nodes."""
 
     def __init__(self):
-        # Between the choice of the port and the start of the master another program may take it.
-        self.process = None
-        while self.process is None or self.process.poll() is not None:
-            self.start()
+        self.environment = dict(os.environ, ROS_HOSTNAME='localhost', PYTHONUNBUFFERED='1')
+        self.process = own_master(self.environment)
+        self.handle = rosgraph.Master('/launch_run_test', self.environment['ROS_MASTER_URI'])
         self.handle.setParam('/run_id', 'launch_run_test')  # what roslaunch expects of a roscore
-
-    def start(self):
-        self.uri = 'http://localhost:%d' % free_port()
-        self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_HOSTNAME='localhost',
-                                PYTHONUNBUFFERED='1')
-        self.process = subprocess.Popen(
-            ['rosmaster', '--core', '-p', self.uri.rsplit(':', 1)[1]], env=self.environment,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.handle = rosgraph.Master('/launch_run_test', self.uri)
-        wait_until(lambda: self.process.poll() is not None or self.handle.is_online(),
-                        'the master is there')
 
     def listeners(self, topic):
         return dict(self.handle.getSystemState()[1]).get(topic, [])

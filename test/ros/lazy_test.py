@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The input is subscribed exactly while an output has a subscriber."""
 
 import unittest
@@ -7,7 +6,7 @@ import numpy as np
 import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import OUTPUTS, TIMEOUT, Camera, check_each, of_matcher, run_as_node, wait_until
+from ktgp_testing import OUTPUTS, TIMEOUT, Camera, check_each, of_matcher, wait_until
 
 RECORDERS = []  # all that were subscribed in a test
 
@@ -123,7 +122,3 @@ class LazyTest(unittest.TestCase):
         self.camera.wait_for_no_subscriber()
         self.assertEqual((picture.width, picture.height, picture.encoding), (640, 480, 'bgr8'))
         self.assertGreater(coloured(picture), 1000, 'no strokes')
-
-
-if __name__ == '__main__':
-    run_as_node(LazyTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The combined message equals the messages of the three topics, for every frame."""
 
 import os
@@ -9,7 +8,7 @@ import numpy as np
 import rosgraph
 import rospy
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import MatcherCase, run_as_node, wait_until
+from ktgp_testing import MatcherCase, wait_until
 
 
 class MatchMessageTest(MatcherCase):
@@ -76,7 +75,3 @@ class MatchMessageTest(MatcherCase):
             self.assertEqual(list(match.homography.homography), [0.0] * 9)
             self.assertEqual(len(match.correspondences.reference_x), 0)
             self.assertEqual(match.correspondences.header.stamp, match.header.stamp)
-
-
-if __name__ == '__main__':
-    run_as_node(MatchMessageTest)

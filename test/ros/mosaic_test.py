@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Compares the mosaic with the picture that the camera is moved over."""
 
 import os
@@ -11,19 +10,17 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, texture, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, corners_off, shift, texture, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 START = (100, 100)
-CORNERS = np.array([[0, 0, 1], [639, 0, 1], [639, 479, 1], [0, 479, 1]], float).T
 
 
 def rms_error(message, x, y):
     """Of the frame's corners in the map, whose first frame was at START; px."""
-    found = np.linalg.inv(np.array(message.homography).reshape(3, 3)) @ CORNERS
-    truth = CORNERS + np.array([[x - START[0]], [y - START[1]], [0]])
-    return np.sqrt(np.mean(np.sum((found[:2] / found[2] - truth[:2]) ** 2, 0)))
+    found = np.linalg.inv(np.reshape(message.homography, (3, 3)))
+    return np.sqrt(np.mean(np.sum(corners_off(found, shift(x - START[0], y - START[1])) ** 2, axis=1)))
 
 
 class MosaicTest(unittest.TestCase):
@@ -115,7 +112,3 @@ class MosaicTest(unittest.TestCase):
                    'diagnostics say what is refused')
         client.update_configuration({'max_megapixels': 64.0})
         self.begin()  # and it goes on
-
-
-if __name__ == '__main__':
-    run_as_node(MosaicTest)

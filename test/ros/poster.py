@@ -1,8 +1,15 @@
-"""Renderings of a poster by cameras with every kind of calibration, and the errors of its pose."""
+"""Renderings of a poster by cameras with every kind of calibration, the errors of its pose, and the nodelet that
+finds it."""
+
+import unittest
 
 import cv2
 import numpy as np
-from ktgp_testing import texture
+import rospy
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import TargetDetections
+from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, texture, wait_until
 from sensor_msgs.msg import CameraInfo
 
 WIDTH = 1.0  # m, of the poster
@@ -74,6 +81,33 @@ def pose_errors(message, rotation=ROTATION, position=POSITION):
     covariance = np.reshape(message.covariance, (6, 6))
     return (np.linalg.norm(moved), np.degrees(np.linalg.norm(turned)),
             error @ np.linalg.solve(covariance, error))
+
+
+class TargetsCase(unittest.TestCase):
+    """With the camera of the live nodelet of targets, its services, what it says, and the poster as its target."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.detections = Recorder('/camera/targets/detections', TargetDetections)
+        cls.diagnostics, cls.log = Diagnostics(), Log()
+        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
+        cls.camera = Camera()
+        cls.camera.wait_for_subscriber()
+        wait_until(cls.detections.publishers, 'it runs')
+        cls.client = Client('/camera/targets', timeout=TIMEOUT)
+        for name, kind in (('add', SetTarget), ('replace', SetTarget), ('remove', RemoveTarget),
+                           ('detect', DetectTargets)):
+            rospy.wait_for_service('/camera/targets/' + name, TIMEOUT)
+            setattr(cls, name, rospy.ServiceProxy('/camera/targets/' + name, kind))
+
+    def setUp(self):
+        self.succeed(self.add, 'poster', [image_message(POSTER, rospy.Time(1))], WIDTH, 'poster')
+        self.addCleanup(self.remove, 'poster')
+
+    def succeed(self, service, *arguments):
+        answer = service(*arguments)
+        self.assertTrue(answer.success, answer.message)
+        return answer
 
 
 SENSOR = K + np.array([[0, 0, 300.0], [0, 0, 200.0], [0, 0, 0]])  # K of the part at 300, 200

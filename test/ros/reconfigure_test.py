@@ -1,33 +1,17 @@
-#!/usr/bin/python3
 """T_w changes the number of matches in the right direction, while images arrive."""
 
 import statistics
-import threading
 
-import rospy
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import MatcherCase, run_as_node, wait_until
+from ktgp_testing import MatcherCase, Repeated, wait_until
 
 
 class ReconfigureTest(MatcherCase):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
-        cls.traffic = True
-        cls.thread = threading.Thread(target=cls.send_images)
-        cls.thread.start()
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.traffic = False
-        cls.thread.join()
-
-    @classmethod
-    def send_images(cls):
-        while cls.traffic and not rospy.is_shutdown():
-            cls.camera.send_view()
-            rospy.rostime.wallsleep(0.03)
+        cls.addClassCleanup(Repeated(0.03, cls.camera.send_view).stop)
 
     def tearDown(self):
         self.client.update_configuration({'T_w': 0.0, 'T_G': 6.0})
@@ -65,7 +49,3 @@ class ReconfigureTest(MatcherCase):
     def test_the_thresholds_stand_first(self):
         names = [parameter['name'] for parameter in self.client.get_parameter_descriptions()]
         self.assertEqual(names[:2], ['T_w', 'T_G'])
-
-
-if __name__ == '__main__':
-    run_as_node(ReconfigureTest)

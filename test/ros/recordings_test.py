@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-from ktgp_testing import FolderCase, image_message, messages_of, view
+from ktgp_testing import FolderCase, messages_of, view, views, write_bag
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
 SIZE = 320, 240
@@ -30,11 +30,7 @@ def pictures(count, x=100):
 class RecordingCase(FolderCase):
     def write_bag(self, name, count=8, x=100):
         os.makedirs(os.path.dirname(self.path(name)), exist_ok=True)
-        with rosbag.Bag(self.path(name), 'w') as bag:
-            for i in range(count):
-                stamp = rospy.Time.from_sec(1000 + i / 30.0)
-                bag.write('/camera/image_raw', image_message(view(x + 5 * i, 100, *SIZE), stamp),
-                          stamp)
+        write_bag(self.path(name), views(count, x))
 
     def write_video(self, name, count=12, rate=25.0):
         writer = cv2.VideoWriter(self.path(name), cv2.CAP_FFMPEG,

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """ktgp_bag: its output equals the nodelet's; damaged bags and Ctrl-C lose no intact data."""
 
 import glob
@@ -14,7 +13,7 @@ import cv2
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import FolderCase, Recorder, image_message, messages_of, run_as_node, wait_until
+from ktgp_testing import FolderCase, Recorder, messages_of, wait_until, write_bag
 from sensor_msgs.msg import Image
 
 TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
@@ -61,11 +60,8 @@ class BagTest(FolderCase):
     def write_video(self, path, compression=rosbag.Compression.NONE):
         """The first frames of the video as a bag with 30 images a second."""
         video = cv2.VideoCapture(os.path.join(self.data, 'sequences/patio.mp4'))
-        with rosbag.Bag(path, 'w', compression=compression) as bag:
-            for i in range(FRAMES):
-                pixels = cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)
-                stamp = rospy.Time.from_sec(1000 + i / 30.0)
-                bag.write(IMAGES, image_message(pixels, stamp), stamp)
+        write_bag(path, (cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY) for _ in range(FRAMES)),
+                  compression=compression)
 
     def match(self, bag, *arguments, topic=IMAGES, **expected):
         """What it says. Its output is out.bag."""
@@ -239,7 +235,3 @@ class BagTest(FolderCase):
         said = self.match(self.tum)
         self.assertNotIn('\r', said)
         self.assertNotIn('#', said)
-
-
-if __name__ == '__main__':
-    run_as_node(BagTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Simulated time without a clock, a clock that stands, and a stabilizer with a wrong topic and a
 misspelt parameter: the values and messages."""
 
@@ -8,7 +7,7 @@ import unittest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Diagnostics, Log, Recorder, run_as_node, wait_for_matcher, wait_until
+from ktgp_testing import Camera, Diagnostics, Log, Recorder, wait_for_matcher, wait_until
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
@@ -62,7 +61,3 @@ class ClockTest(unittest.TestCase):
                 process.terminate()
                 process.wait()
                 process.stderr.close()
-
-
-if __name__ == '__main__':
-    run_as_node(ClockTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Stabilizer and mosaic on a robot that is not ours: a homography topic of another name or type is named,
 memory stays within its bound, and what is small is not held back."""
 
@@ -7,7 +6,7 @@ import unittest
 import numpy as np
 import rospy
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import Camera, Diagnostics, Log, Recorder, check_each, no_delay, run_as_node, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Log, Recorder, check_each, no_delay, view, wait_until
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
@@ -126,7 +125,3 @@ class ConsumersTest(unittest.TestCase):
     def test_small_messages_are_not_held_back(self):
         self.assertEqual(no_delay(self.homographies), {True})
         self.assertEqual(no_delay(self.large.publisher), {False}, 'else it shows nothing')
-
-
-if __name__ == '__main__':
-    run_as_node(ConsumersTest)

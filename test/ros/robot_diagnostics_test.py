@@ -1,49 +1,26 @@
-#!/usr/bin/python3
 """Diagnostics: each problem is reported with its level, for the limits set by parameters."""
 
+import itertools
 import subprocess
-import threading
 
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from ktgp_testing import MatcherCase, image_message, of_matcher, run_as_node, view, wait_until
+from ktgp_testing import MatcherCase, Repeated, image_message, of_matcher, views, wait_until
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
-
-class Traffic:
-    """A camera with a thread: views, changed by `picture`."""
-
-    def __init__(self, camera):
-        self.camera = camera
-        self.period = 0.05
-        self.encoding = 'mono8'
-        self.picture = lambda pixels: pixels
-        self.running = True
-        self.thread = threading.Thread(target=self.run)
-        self.thread.start()
-
-    def run(self):
-        step = 0
-        while self.running and not rospy.is_shutdown():
-            step = (step + 1) % 60
-            pixels = self.picture(view(100 + 5 * step, 100, 320, 240))
-            self.camera.send(image_message(pixels, rospy.Time.now(), self.encoding))
-            rospy.rostime.wallsleep(self.period)
-
-    def stop(self):
-        self.running = False
-        self.thread.join()
 
 
 class DiagnosticsTest(MatcherCase):
     def setUp(self):
         self.configure(max_latency=60.0)  # s
-        self.traffic = Traffic(self.camera)
+        self.encoding, self.picture, self.views = 'mono8', lambda pixels: pixels, itertools.cycle(views(60))
+        self.traffic = Repeated(0.05, self.send_next)
+        self.addCleanup(self.traffic.stop)
 
-    def tearDown(self):
-        self.traffic.stop()
+    def send_next(self):
+        pixels = self.picture(next(self.views))
+        self.camera.send(image_message(pixels, rospy.Time.now(), self.encoding))
 
     def wait_for(self, task, level, words):
         """Waits for a report from now on; its values by key."""
@@ -78,10 +55,10 @@ class DiagnosticsTest(MatcherCase):
 
     def test_matcher(self):
         noise = np.random.RandomState(1)
-        self.traffic.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
+        self.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
         self.wait_for('matcher', WARN, 'few homographies')
         self.wait_for('matcher', WARN, 'no homography')  # a robot in front of a wall is not an error
-        self.traffic.picture = lambda pixels: noise.randint(0, 256, (60, 2600), np.uint8)
+        self.picture = lambda pixels: noise.randint(0, 256, (60, 2600), np.uint8)
         self.wait_for('matcher', WARN, 'the images are 2600 px long; made 1000 to 2500 px long first')
 
     def test_an_old_parameter_is_named_while_it_is_set(self):
@@ -111,11 +88,11 @@ class DiagnosticsTest(MatcherCase):
         self.assertEqual(self.wait_for('matcher', OK, '')['refused parameters'], '')
 
     def test_last_error(self):
-        self.traffic.encoding = 'nonsense'
+        self.encoding = 'nonsense'
         values = self.wait_for('input', WARN, 'refused')
         self.assertIn("encoding 'nonsense'", values['last error'])
         self.wait_for('input', ERROR, 'every image is refused')
-        self.traffic.encoding = 'mono8'
+        self.encoding = 'mono8'
         values = self.wait_for('input', OK, 'images arrive')
         self.assertEqual(values['last error'], '', 'all is well again')
 
@@ -143,7 +120,3 @@ class DiagnosticsTest(MatcherCase):
         self.wait_for('input', OK, 'idle')
         type(self).statistics = of_matcher('statistics')
         self.camera.wait_for_subscriber()
-
-
-if __name__ == '__main__':
-    run_as_node(DiagnosticsTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
 
 import cv2
@@ -6,7 +5,7 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import MatcherCase, image_message, run_as_node
+from ktgp_testing import MatcherCase, image_message, mapped
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
 OK = MatchStatus.STATUS_OK
@@ -61,10 +60,8 @@ class GrowthTest(MatcherCase):
         self.assertGreater(stage.milliseconds, 0)
         self.assertGreaterEqual(statistics.total_milliseconds,
                                 sum(s.milliseconds for s in statistics.stages))
-        h = np.array(homography.homography).reshape(3, 3)
-        for corner in ((270, 190), (370, 190), (370, 290), (270, 290)):
-            found = h @ (*corner, 1)
-            np.testing.assert_allclose(found[:2] / found[2], TURN @ (*corner, 1), atol=2)
+        corners = ((270, 190), (370, 190), (370, 290), (270, 290))
+        np.testing.assert_allclose(mapped(homography.homography, corners), [TURN @ (*c, 1) for c in corners], atol=2)
 
     def test_a_fixed_reference_is_found_where_little_of_it_is_seen(self):
         self.start(reference_mode='fixed')
@@ -90,7 +87,3 @@ class GrowthTest(MatcherCase):
                        image_message(self.target, rospy.Time(6)))
         self.assertTrue(answer.success, answer.message)
         self.check_grown(answer.statistics, answer.homography)
-
-
-if __name__ == '__main__':
-    run_as_node(GrowthTest)

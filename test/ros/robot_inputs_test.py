@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Settings for the images: mask, region of interest, lens, rate, a reference from a topic; and things
 that must not block the matcher."""
 
@@ -15,7 +14,7 @@ import rospy
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, MatcherCase, check_each, image_message, no_delay, run_as_node, texture,
+from ktgp_testing import (TIMEOUT, MatcherCase, check_each, corners_off, image_message, no_delay, shift, texture,
                           translation, view, wait_until)
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -184,12 +183,7 @@ class InputsTest(MatcherCase):
 
     def corner_error(self, homography):
         """Mean over the corners, px, from a shift by one step."""
-        h = np.reshape(homography.homography, (3, 3))
-        errors = []
-        for x, y in ((0, 0), (WIDTH - 1, 0), (0, HEIGHT - 1), (WIDTH - 1, HEIGHT - 1)):
-            u, v, w = h.dot((x, y, 1))
-            errors.append(np.hypot(u / w - (x - STEP), v / w - y))
-        return np.mean(errors)
+        return np.linalg.norm(corners_off(homography.homography, shift(-STEP, 0)), axis=1).mean()
 
     def test_rectify_gives_points_without_distortion(self):
         self.position = 300
@@ -312,7 +306,3 @@ def distorted(x, y):
     columns, rows = ((ideal + start).reshape(HEIGHT, WIDTH).astype(np.float32)
                      for ideal, start in zip(IDEAL, (x, y)))
     return cv2.remap(WORLD, columns, rows, cv2.INTER_LINEAR)
-
-
-if __name__ == '__main__':
-    run_as_node(InputsTest)

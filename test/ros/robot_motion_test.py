@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Velocity and odometry of a camera that is moved over a picture of the ground: right in metres with every
 source of height and normal, or refused with the reason."""
 
@@ -11,7 +10,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, run_as_node, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, view, wait_until
 from nav_msgs.msg import Odometry
 from poster import information
 from sensor_msgs.msg import CameraInfo, Imu, Range
@@ -292,7 +291,3 @@ class MotionTest(unittest.TestCase):
             recorders['by_parameter'].close()
         wait_until(lambda: any('idle' in s.message for s in self.diagnostics.of('by_parameter: motion', -8)),
                    'by_parameter is idle')
-
-
-if __name__ == '__main__':
-    run_as_node(MotionTest)

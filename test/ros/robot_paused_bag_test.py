@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """A bag with --clock, paused and resumed: no false alarm, and matching continues."""
 
 import unittest
@@ -6,7 +5,7 @@ import unittest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Diagnostics, Log, Recorder, run_as_node, wait_until
+from ktgp_testing import Diagnostics, Log, Recorder, wait_until
 from std_srvs.srv import SetBool
 
 SECONDS = 7  # of pause, in reports of the diagnostics: one comes each second; a warning after five
@@ -32,7 +31,3 @@ class PausedBagTest(unittest.TestCase):
             self.assertLess(s.latency_milliseconds, 5000)
         self.assertEqual([s.message for s in diagnostics.of('input') if s.level == DiagnosticStatus.ERROR], [])
         self.assertEqual(log.with_words('no image on'), [])
-
-
-if __name__ == '__main__':
-    run_as_node(PausedBagTest)

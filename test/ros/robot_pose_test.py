@@ -1,19 +1,14 @@
-#!/usr/bin/python3
 """The pose of a flat target in renderings with every kind of calibration: accurate to 2 mm at 1.3 m,
 or refused with the reason; and the messages when there is no pose."""
 
 import os
-import unittest
 
 import cv2
 import numpy as np
 import rospy
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import MatchStatus, TargetDetections
-from ktgp_orb.srv import SetTarget
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Log, Recorder, check_each, image_message, no_delay, run_as_node,
-                          wait_until)
-from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, image_message, no_delay, wait_until
+from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, REFUSED, ROI, SENSOR, WIDE_P, TargetsCase,
                     information, pose_errors, rendered)
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -39,23 +34,9 @@ RIGHT = {
 }
 
 
-class PoseTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.client = Client('/camera/targets', timeout=TIMEOUT)
-        cls.detections = Recorder('/camera/targets/detections', TargetDetections)
-        cls.diagnostics = Diagnostics()
-        cls.log = Log()
-        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
-        wait_until(cls.detections.publishers, 'it runs')
-        rospy.wait_for_service('/camera/targets/replace', TIMEOUT)
-        answer = rospy.ServiceProxy('/camera/targets/add', SetTarget)(
-            'poster', [image_message(POSTER, rospy.Time(1))], WIDTH, '')
-        assert answer.success, answer.message
-
+class PoseTest(TargetsCase):
     def setUp(self):
+        super().setUp()
         self.client.update_configuration({'calibration': 'by_name'})
 
     def send(self, picture, info):
@@ -66,7 +47,8 @@ class PoseTest(unittest.TestCase):
         self.camera.send(image_message(picture, stamp))
         message = self.detections.wait_for(stamp)
         poster, = message.detections
-        self.assertEqual((poster.id, poster.status), ('poster', MatchStatus.STATUS_OK))
+        self.assertEqual((poster.id, poster.instance, poster.status, poster.frame, message.known, poster.has_pose),
+                         ('poster', 0, MatchStatus.STATUS_OK, 'poster', 1, message.no_pose == ''))
         return poster, message.no_pose
 
     def check_pose(self, picture, info):
@@ -130,7 +112,3 @@ class PoseTest(unittest.TestCase):
                    [t for m in transforms.messages() for t in m.transforms
                     if t.child_frame_id == 'poster'], 'the transform is broadcast')
         self.assertEqual(len(self.log.with_words('no camera_info on /poster/camera_info')), 1)
-
-
-if __name__ == '__main__':
-    run_as_node(PoseTest)

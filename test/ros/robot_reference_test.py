@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Reference modes and services: the reference of each frame."""
 
 import os
@@ -10,7 +9,7 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (Diagnostics, MatcherCase, image_message, run_as_node, texture, translation, view,
+from ktgp_testing import (Diagnostics, MatcherCase, image_message, texture, translation, view,
                           wait_until)
 from sensor_msgs.msg import Image
 
@@ -228,7 +227,3 @@ class ReferenceTest(MatcherCase):
             self.assertEqual(answer.statistics.status, NO_REFERENCE, 'not OK, which is zero')
             self.assertEqual(answer.homography.status, NO_REFERENCE)
             self.assertIn("%s: encoding 'magenta'" % which, answer.message)
-
-
-if __name__ == '__main__':
-    run_as_node(ReferenceTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The targets' node and its files: a disk that is full, folders that cannot be used, a start with many targets; and
 two robots that look for the same targets."""
 
@@ -11,7 +10,7 @@ import cv2
 import rospy
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import (Camera, Diagnostics, FolderCase, Program, Recorder, image_message, run_as_node, texture,
+from ktgp_testing import (Camera, Diagnostics, FolderCase, Program, Recorder, image_message, texture,
                           wait_until)
 from poster import K, POSITION, POSTER, information, rendered
 from sensor_msgs.msg import CameraInfo
@@ -267,7 +266,3 @@ class TargetsFilesTest(FolderCase):
                 self.assertEqual(ages, list(range(ages[0], ages[0] + 5)))
             wait_until(lambda: {t.child_frame_id for m in transforms.messages() for t in m.transforms} ==
                        {'poster', 'two/poster'}, 'each robot sends its own frame')
-
-
-if __name__ == '__main__':
-    run_as_node(TargetsFilesTest)

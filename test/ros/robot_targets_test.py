@@ -1,19 +1,14 @@
-#!/usr/bin/python3
 """Flat targets in renderings of a camera: found with the right pose, added, replaced and removed by services, and
 refused with the reason."""
 
 import threading
-import unittest
 
 import cv2
 import numpy as np
 import rospy
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import MatchStatus, TargetDetections
-from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Diagnostics, Log, Memory, Recorder, image_message, run_as_node, texture, wait_until
-from poster import (BARREL, CHI_SQUARE, K, POSITION, POSTER, ROTATION, information, pose_errors,
-                    rendered)
+from ktgp_orb.msg import TargetDetections
+from ktgp_testing import Memory, Recorder, image_message, texture, wait_until
+from poster import CHI_SQUARE, K, POSITION, POSTER, ROTATION, TargetsCase, information, pose_errors, rendered
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -29,30 +24,7 @@ def transforms_at(stamp, transforms):
     return [t for m in transforms.messages() for t in m.transforms if t.header.stamp == stamp]
 
 
-class TargetsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.detections = Recorder('/camera/targets/detections', TargetDetections)
-        cls.diagnostics = Diagnostics()
-        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
-        for name, kind in (('add', SetTarget), ('replace', SetTarget), ('remove', RemoveTarget),
-                           ('detect', DetectTargets)):
-            rospy.wait_for_service('/camera/targets/' + name, 60)
-            setattr(cls, name, rospy.ServiceProxy('/camera/targets/' + name, kind))
-
-    def setUp(self):
-        self.succeed(self.add, 'poster', [image_message(POSTER, now())], 1.0, 'poster')
-
-    def tearDown(self):
-        self.remove('poster')
-
-    def succeed(self, service, *arguments):
-        answer = service(*arguments)
-        self.assertTrue(answer.success, answer.message)
-        return answer
-
+class TargetsTest(TargetsCase):
     def send(self, picture):
         return self.detections.wait_for(self.camera.show(picture))
 
@@ -64,22 +36,6 @@ class TargetsTest(unittest.TestCase):
             return condition(answers[-1])
         wait_until(holds, what)
         return answers[-1]
-
-    def test_pose_is_right_with_its_covariance(self):
-        for distortion in ((0.0,) * 5, BARREL):
-            picture = rendered(K, distortion)
-            self.info.publish(information(distortion=distortion))
-            message = self.send_until(
-                picture, lambda m: m.detections and m.detections[0].has_pose
-                and pose_errors(m.detections[0].pose)[0] < 0.004, 'the pose is right')
-            detection, = message.detections
-            self.assertEqual((detection.id, detection.instance, detection.status, detection.frame),
-                             ('poster', 0, MatchStatus.STATUS_OK, 'poster'))
-            self.assertEqual((message.known, message.no_pose), (1, ''))
-            metres, degrees, deviations = pose_errors(detection.pose)
-            print('%.2f mm, %.3f degrees, %.1f squared deviations'
-                  % (1e3 * metres, degrees, deviations))
-            self.assertLess(deviations, 2 * CHI_SQUARE)
 
     def test_pose_before_a_rolling_shutter_is_that_of_the_middle_row(self):
         """A camera at 0.5 m/s and 30 degrees/s, whose rows are read in 20 ms."""
@@ -93,15 +49,13 @@ class TargetsTest(unittest.TestCase):
             poses = [pose_at(seconds + readout * (row / rows - 0.5)) for row in range(rows)]
             return rendered(K, rotation=np.array([r for r, _ in poses]), position=np.array([p for _, p in poses]))
         self.info.publish(information())
-        client = Client('/camera/targets')
-        self.addCleanup(client.close)
-        self.addCleanup(client.update_configuration, {'readout_time': -1.0})
+        self.addCleanup(self.client.update_configuration, {'readout_time': -1.0})
         self.send_until(rendered(K), lambda m: m.detections and m.detections[0].has_pose, 'the calibration is there')
         views = [0.033 * i for i in range(6)]
         pictures = [view_at(seconds) for seconds in views]
         errors = {}
         for time in (0.0, -1.0, readout):
-            client.update_configuration({'readout_time': time})
+            self.client.update_configuration({'readout_time': time})
             poses = [self.send(picture).detections[0].pose for picture in pictures]
             errors[time] = [pose_errors(pose, *pose_at(seconds)) for pose, seconds in list(zip(poses, views))[2:]]
             print('readout_time %.3f: %s' % (time, errors[time]))
@@ -273,12 +227,11 @@ class TargetsTest(unittest.TestCase):
             self.assertLess(rest, 36)
 
     def test_ids_do_not_forge_lines_of_the_log(self):
-        log = Log(self)
-        wait_until(lambda: '/manager' in log.names_of_publishers(), 'it hears the manager')
+        wait_until(lambda: '/manager' in self.log.names_of_publishers(), 'it hears the manager')
         answer = self.remove('door\n[FATAL] battery \x1b[31mempty')
         self.assertIn('target "door\\x0a[FATAL] battery \\x1b[31mempty" does not exist', answer.message)
-        log.wait_for_words('battery')
-        for message in log.messages():
+        self.log.wait_for_words('battery')
+        for message in self.log.messages():
             self.assertNotIn('\n[FATAL]', message.msg)
             self.assertNotIn('\x1b', message.msg)
 
@@ -308,7 +261,3 @@ class TargetsTest(unittest.TestCase):
         self.camera.wait_for_subscriber()
         message = self.send(picture)
         self.assertEqual((message.detections[0].age, message.no_pose), (1, 'no camera_info on /camera/camera_info'))
-
-
-if __name__ == '__main__':
-    run_as_node(TargetsTest)

@@ -7,16 +7,19 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
     Threads::Threads)
   ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
-  ktgp_orb_rostest(${name} ${name}.test)
+  ktgp_orb_rostest(${name} program.test name:=${name})
 endforeach()
 # Like heap_test it replaces malloc, and it needs function names for addresses.
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 foreach(name robot_diagnostics robot_growth robot_reference robot_time)
   ktgp_orb_stream_test(${name} ${name})
 endforeach()
-foreach(name robot_clock robot_consumers robot_inputs robot_motion robot_pose robot_targets robot_targets_files)
+foreach(name robot_clock robot_consumers robot_motion robot_pose robot_targets)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
+ktgp_orb_stream_test(robot_inputs robot_inputs queue_size:=5 limit:=1500)
+ktgp_orb_rostest(robot_targets_files program.test name:=robot_targets_files type:=run_test.py
+  args:=robot_targets_files_test)
 ktgp_orb_rostest(robot_paused_bag robot_paused_bag.test bag:=DATA/bags/tum_fr2desk_raw.bag)
 ktgp_orb_rostest(robot_two_cameras robot_cameras.test name:=robot_two_cameras
   "cameras:=left right")

@@ -1,9 +1,8 @@
-#!/usr/bin/python3
 """Unusual stamps, as from faulty cameras and other clocks."""
 
 import rospy
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import MatcherCase, check_each, image_message, run_as_node, view, wait_until
+from ktgp_testing import MatcherCase, check_each, image_message, view, wait_until
 
 OK = MatchStatus.STATUS_OK
 NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
@@ -47,7 +46,3 @@ class TimeTest(MatcherCase):
                 self.assertEqual(homography.messages()[-1].header.stamp, stamp)
                 self.assertEqual(homography.messages()[-1].reason, reason)
         check_each(SEQUENCES, check)
-
-
-if __name__ == '__main__':
-    run_as_node(TimeTest)

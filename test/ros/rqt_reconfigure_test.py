@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The real rqt_reconfigure with live nodelets: every group is shown in the order of use, and the
 matcher computes with the values that are dragged, chosen and typed there.
 
@@ -14,7 +13,7 @@ import unittest
 import rospy
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import Match
-from ktgp_testing import Camera, Recorder, run_as_node, view, wait_until
+from ktgp_testing import Camera, Recorder, view, wait_until
 
 SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_gui',
            'qt_gui_core/qt_gui_py_common', 'python_qt_binding', 'rqt_console', 'rqt/rqt_py_common')
@@ -130,7 +129,3 @@ class RqtReconfigureTest(unittest.TestCase):
         wait_until(lambda: condition(rospy.get_param('/camera/matcher/' + name)),
                    name + ' has arrived')
         return rospy.get_param('/camera/matcher/' + name)
-
-
-if __name__ == '__main__':
-    run_as_node(RqtReconfigureTest)

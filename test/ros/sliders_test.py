@@ -11,8 +11,7 @@ import rospy
 import yaml
 from dynamic_reconfigure.server import Server
 from ktgp_orb.cfg import GroundMotionConfig, KtgpConfig
-from ktgp_testing import wait_until
-from ports import free_port
+from ktgp_testing import own_master, wait_until
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.dont_write_bytecode = True
@@ -31,11 +30,8 @@ def display():
 class SlidersTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        port = free_port()
-        os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % port
-        cls.master = subprocess.Popen(['rosmaster', '--core', '-p', str(port)], stdout=subprocess.DEVNULL)
+        cls.master = own_master()
         cls.display, os.environ['DISPLAY'] = display()
-        wait_until(lambda: subprocess.run(['rosparam', 'list'], capture_output=True).returncode == 0, 'the master runs')
         rospy.init_node('sliders_test', disable_signals=True)
         cls.sliders = importlib.machinery.SourceFileLoader('sliders', os.path.join(ROOT, 'scripts/sliders')).load_module()
 

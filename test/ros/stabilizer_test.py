@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The stabilizer with a camera of known shake."""
 
 import unittest
@@ -8,7 +7,7 @@ import numpy as np
 import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 
 FRAMES = 70
@@ -182,7 +181,3 @@ class StabilizerTest(unittest.TestCase):
             self.camera.wait_for_subscriber()
             alone.close()
             self.camera.wait_for_no_subscriber()
-
-
-if __name__ == '__main__':
-    run_as_node(StabilizerTest)

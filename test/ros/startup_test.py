@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
 import time
@@ -6,7 +5,7 @@ import time
 import cv2
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import FolderCase, Log, Program, Recorder, run_as_node, view, wait_until
+from ktgp_testing import FolderCase, Log, Program, Recorder, view, wait_until
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
@@ -119,7 +118,3 @@ class StartupTest(FolderCase):
         self.write('wrong.launch', '<launch>%s</launch>' % ''.join(matchers))
         output_of_launch(self.path('wrong.launch'), until=expected,
                          namespaces=['/wrong_%d' % j for j in range(i + 1)], package=())
-
-
-if __name__ == '__main__':
-    run_as_node(StartupTest)

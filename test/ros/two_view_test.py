@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """A camera that moves past a scene with depth: its motion on ~two_view and the scene on ~points."""
 
 import csv
@@ -6,35 +5,19 @@ import os
 import subprocess
 import tempfile
 
-import cv2
 import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import MatcherCase, image_message, run_as_node, view, wait_until
+from ktgp_testing import FAR, NEAR, MatcherCase, two_depths, view, wait_until, write_bag
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
 
 DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
 DISTANCE = 0.3
-NEAR, FAR = 2.0, 6.0
 FIRST = view(100, 100)
-
-
-def second_view():
-    """FIRST, whose left half is NEAR and whose right half is FAR, after the motion."""
-    seen = np.full_like(FIRST, 128)
-    for depth, columns in ((FAR, slice(320, 640)), (NEAR, slice(0, 320))):
-        homography = K @ (np.eye(3) + DISTANCE / depth * np.outer(DIRECTION, [0, 0, 1])) @ np.linalg.inv(K)
-        part = np.zeros_like(FIRST)
-        part[:, columns] = 255
-        where = cv2.warpPerspective(part, homography, (640, 480), flags=cv2.INTER_NEAREST) > 0
-        seen[where] = cv2.warpPerspective(FIRST, homography, (640, 480), flags=cv2.INTER_CUBIC)[where]
-    return seen
-
-
-SECOND = second_view()
+SECOND = two_depths(FIRST, K, DISTANCE, DIRECTION)
 
 
 class TwoViewTest(MatcherCase):
@@ -111,12 +94,7 @@ class TwoViewTest(MatcherCase):
     def test_5_a_recording_gives_the_same(self):
         with tempfile.TemporaryDirectory() as folder:
             bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
-            with rosbag.Bag(bag, 'w') as file:
-                for i, picture in enumerate((FIRST, SECOND)):
-                    stamp = rospy.Time(100 + i)
-                    for topic, message in (('camera_info', information()), ('image_raw', image_message(picture, stamp))):
-                        message.header.stamp, message.header.frame_id = stamp, 'camera'
-                        file.write('/camera/' + topic, message, stamp)
+            write_bag(bag, (FIRST, SECOND), info=information(), rate=1.0)
             subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table], check=True)
             with rosbag.Bag(out) as file:
                 topics = {topic.split('/')[-1]: message for topic, message, _ in file.read_messages()}
@@ -124,7 +102,7 @@ class TwoViewTest(MatcherCase):
                 rows = list(csv.DictReader(file))
         found = topics['two_view']
         self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
-        self.assertEqual(topics['points'].header.stamp, rospy.Time(101))
+        self.assertEqual(topics['points'].header.stamp, rospy.Time(1001))
         self.assertGreater(topics['points'].width, 200)
         self.assertEqual([row['geometry'] for row in rows], ['none', 'epipolar'])
         self.assertEqual(rows[0]['x'], '')
@@ -143,7 +121,3 @@ class TwoViewTest(MatcherCase):
         self.info.publish(information(k=beside))
         self.diagnostics.wait_for_words('does it belong to another image size?', self.match)
         self.assertFalse(self.two_view.wait_for(self.match()).has_pose)
-
-
-if __name__ == '__main__':
-    run_as_node(TwoViewTest)

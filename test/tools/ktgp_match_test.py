@@ -4,7 +4,7 @@ import subprocess
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, TOOLS, WIDTH, PairCase, picture, write_pgm
+from tool_case import HEIGHT, TOOLS, WIDTH, PairCase, picture, two_depths, write_pgm
 
 
 class KtgpMatch(PairCase):
@@ -68,14 +68,7 @@ class KtgpMatch(PairCase):
         height, width = first.shape
         K = np.array([[0.8 * width, 0, width / 2], [0, 0.8 * width, height / 2], [0, 0, 1]])
         direction = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
-        second = np.full_like(first, 128)
-        for depth, columns in ((6.0, slice(width // 2, width)), (2.0, slice(0, width // 2))):
-            H = K @ (np.eye(3) + 0.25 / depth * np.outer(direction, [0, 0, 1])) @ np.linalg.inv(K)
-            part = np.zeros_like(first)
-            part[:, columns] = 255
-            where = cv2.warpPerspective(part, H, (width, height), flags=cv2.INTER_NEAREST) > 0
-            second[where] = cv2.warpPerspective(first, H, (width, height), flags=cv2.INTER_CUBIC)[where]
-        self.write_image("depth.png", second)
+        self.write_image("depth.png", two_depths(first, K, 0.25, direction))
         camera = ",".join(map(str, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
         run = self.match("a.pgm", "depth.png", "--preset", "slam", "--camera", camera, "--json", "out.json",
                          "--draw", "depth_matches.png")

@@ -8,7 +8,11 @@ import subprocess
 import tempfile
 import unittest
 
+import cv2
+import numpy as np
+
 WIDTH, HEIGHT = 320, 240
+NEAR, FAR = 2.0, 6.0  # m, of two_depths()
 TOOLS = pathlib.Path(os.environ.get("KTGP_ORB_TOOLS", ""))
 
 
@@ -32,6 +36,34 @@ def write_pgm(path, rows, dx=0, dy=0):
 
 def translation(x, y):
     return f"1 0 {x}\n0 1 {y}\n0 0 1\n"
+
+
+def shift(x, y):
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def mapped(homography, points):
+    """Points under a homography of nine numbers."""
+    return cv2.perspectiveTransform(np.array([points], float), np.array(homography, float).reshape(3, 3))[0]
+
+
+def corners_off(homography, truth, size=(640, 480)):
+    """By how much two homographies place the corners of an image apart, px in x and y of each."""
+    corners = [(x, y) for x in (0, size[0] - 1) for y in (0, size[1] - 1)]
+    return mapped(homography, corners) - mapped(truth, corners)
+
+
+def two_depths(first, K, distance, direction, rotation=np.eye(3)):
+    """What is seen after a motion, as two-view geometry has it, of a picture whose left half is NEAR, its right FAR."""
+    height, width = first.shape
+    second = np.full_like(first, 128)
+    for depth, columns in ((FAR, slice(width // 2, width)), (NEAR, slice(0, width // 2))):
+        H = K @ (rotation + distance / depth * np.outer(direction, [0, 0, 1])) @ np.linalg.inv(K)
+        part = np.zeros_like(first)
+        part[:, columns] = 255
+        where = cv2.warpPerspective(part, H, (width, height), flags=cv2.INTER_NEAREST) > 0
+        second[where] = cv2.warpPerspective(first, H, (width, height), flags=cv2.INTER_CUBIC)[where]
+    return second
 
 
 class FolderCase(unittest.TestCase):
