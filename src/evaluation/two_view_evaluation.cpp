@@ -18,6 +18,7 @@
 #include <stdexcept>
 
 #include "core/util/format.h"
+#include "core/util/geometry.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/milliseconds.h"
 #include "files/csv.h"
@@ -63,15 +64,9 @@ std::vector<CameraRow> readCameras(const std::string& file) {
   return rows;
 }
 
-Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return m;
-}
-
 Eigen::Matrix3d fundamentalOf(const PosePair& pair) {
-  return pair.target_camera.inverse().transpose() * crossed(pair.translation) * pair.rotation *
-         pair.reference_camera.inverse();
+  return pair.target_camera.inverse().transpose() * util::crossed(pair.translation) *
+         pair.rotation * pair.reference_camera.inverse();
 }
 
 double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {

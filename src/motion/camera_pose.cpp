@@ -6,18 +6,6 @@
 
 namespace ktgp_orb::motion {
 
-Eigen::Matrix3d cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return m;
-}
-
-Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  if (angle == 0.0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-}
-
 Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
   return turn.angle() * turn.axis();

@@ -3,7 +3,12 @@
 #include <Eigen/Core>
 #include <optional>
 
+#include "core/util/geometry.h"
+
 namespace ktgp_orb::motion {
+
+using util::crossed;
+using util::rotationAbout;
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -15,10 +20,7 @@ struct CameraPose {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in the ground frame, m
 };
 
-/// The matrix of the cross product with v.
-Eigen::Matrix3d cross(const Eigen::Vector3d& v);
-/// The rotation about a vector by its length, and the vector of a rotation.
-Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn);
+/// The vector of a rotation, see rotationAbout.
 Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
 /// The rotation about z by `yaw`, and the yaw of a rotation.
 Eigen::Matrix3d aboutUp(double yaw);

@@ -131,7 +131,7 @@ void GroundFilter::report(const Eigen::Vector3d& origin, const GroundMotionOptio
   estimate.base_to_odometry.linear() = axes * base_to_camera.linear();
   estimate.base_to_odometry.translation() = camera.position + axes * lever;
   Matrix6 slope = Matrix6::Identity();
-  slope.topRightCorner<3, 3>() = -axes * cross(lever);
+  slope.topRightCorner<3, 3>() = -axes * crossed(lever);
   slope.bottomRightCorner<3, 3>() = axes;
   const double scale_variance = options.scale_deviation * options.scale_deviation;
   const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;

@@ -110,7 +110,7 @@ void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double se
   } else {
     rate_ = turnOf(step.transpose()) / seconds;
     const Eigen::Vector3d change = rate_.cross(down->direction);
-    const Eigen::Matrix3d by_turn = cross(down->direction);
+    const Eigen::Matrix3d by_turn = crossed(down->direction);
     now.value = down->direction - down->age * change;
     now.slope = -by_turn * turned_.slope;
     now.slope.leftCols<4>() << by_turn, change;

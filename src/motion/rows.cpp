@@ -33,11 +33,6 @@ Eigen::Vector3d downOf(const CameraPose& pose) {
 
 }  // namespace
 
-Vector8 entriesOf(const Eigen::Matrix3d& h) {
-  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = h / h(2, 2);
-  return Eigen::Map<const Vector8>(rows.data());
-}
-
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera) {
   const Eigen::Matrix3d inverse = camera.inverse();
@@ -63,7 +58,7 @@ Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const Came
   for (int i = 0; i < 3; ++i) {
     const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
     slope.col(i) = entriesChange(q, -pose.axes.row(i).transpose() * (map.row(2) / h(2, 2)));
-    slope.col(3 + i) = entriesChange(q, -cross(axis) * q);
+    slope.col(3 + i) = entriesChange(q, -crossed(axis) * q);
   }
   return slope;
 }
@@ -116,7 +111,7 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
   rows.residual(0) = reading.metres + rise * reading.age / sinks - length;
   rows.slope(2) = 1.0 / sinks;
   rows.slope.tail<3>() =
-      -(up * cross(reading.beam_origin) + length * up * cross(reading.beam_direction)) / sinks;
+      -(up * crossed(reading.beam_origin) + length * up * crossed(reading.beam_direction)) / sinks;
   return rows;
 }
 
@@ -125,7 +120,7 @@ PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose) {
   PoseRows<3> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation);
   rows.residual = reading.direction - down;
-  rows.slope << Eigen::Matrix3d::Zero(), cross(down);
+  rows.slope << Eigen::Matrix3d::Zero(), crossed(down);
   return rows;
 }
 

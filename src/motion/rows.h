@@ -2,11 +2,13 @@
 
 #include <Eigen/Core>
 
+#include "core/util/geometry.h"
 #include "ktgp_orb/ground_motion.h"
 #include "motion/camera_pose.h"
 
 namespace ktgp_orb::motion {
 
+using util::entriesOf;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 using Matrix86 = Eigen::Matrix<double, 8, 6>;
@@ -29,9 +31,6 @@ inline constexpr double kOfFrame = 0.4;
 /// for pictures without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
-
-/// The first eight entries of h / h(2,2).
-Vector8 entriesOf(const Eigen::Matrix3d& h);
 
 /// Derivatives of the entries of h = M(pose) map by a step of the pose (see moved), and by E in
 /// map (I + E), E(2,2) = 0.

@@ -75,7 +75,7 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
   const Eigen::Vector3d lever = options.camera_to_base.inverse().translation();
   Matrix6 slope = Matrix6::Zero();
   slope.topLeftCorner<3, 3>() = to_base;
-  slope.topRightCorner<3, 3>() = -to_base * cross(lever);
+  slope.topRightCorner<3, 3>() = -to_base * crossed(lever);
   slope.bottomRightCorner<3, 3>() = to_base;
   const double scale_variance = options.scale_deviation * options.scale_deviation;
   estimate.twist = slope * twist_;

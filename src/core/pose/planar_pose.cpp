@@ -12,6 +12,7 @@
 
 #include "core/homography/transform.h"
 #include "core/util/constants.h"
+#include "core/util/geometry.h"
 #include "core/util/options_check.h"
 #include "core/util/small_matrix.h"
 
@@ -30,21 +31,11 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   return m;
 }
 
-/// The first eight entries, row by row, with the last one 1.
-Vector8 entries(const Eigen::Matrix3d& h) {
-  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = h / h(2, 2);
-  return Eigen::Map<const Vector8>(rows.data());
-}
-
 /// Moves by x, y, z and rotates about the camera's axes, in place.
 Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const Vector6& step) {
   const Eigen::Vector3d turn = step.tail<3>();
-  const double angle = turn.norm();
   Eigen::Isometry3d out = pose;
-  if (angle > 0.0) {
-    out.linear() =
-        Eigen::AngleAxisd(angle, Eigen::Vector3d(turn / angle)).toRotationMatrix() * pose.linear();
-  }
+  if (turn.norm() > 0.0) out.linear() = util::rotationAbout(turn) * pose.linear();
   out.translation() += step.head<3>();
   return out;
 }
@@ -138,7 +129,7 @@ struct PoseFit {
   Vector8 entriesOf(const Eigen::Isometry3d& pose) const {
     Eigen::Matrix3d plane;
     plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
-    return entries(camera * plane * target_from_reference);
+    return util::entriesOf(camera * plane * target_from_reference);
   }
 
   double errorOf(const Eigen::Isometry3d& pose) const {
@@ -243,8 +234,9 @@ UncertainHomography withUnknownShutter(const UncertainHomography& now,
   // An image has been read when the next one begins.
   const double deviation = std::min(util::kUnknownReadout, seconds);
   const Vector8 change =
-      entries(withoutShutter(now, before, seconds, deviation, reference_size, rows).homography) -
-      entries(now.homography);
+      util::entriesOf(
+          withoutShutter(now, before, seconds, deviation, reference_size, rows).homography) -
+      util::entriesOf(now.homography);
   UncertainHomography answer = now;
   answer.covariance += change * change.transpose();
   answer.shared_covariance += change * change.transpose();
@@ -274,7 +266,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     result.problem = "the homography has no covariance, or one that is not positive definite";
     return result;
   }
-  const PoseFit fit{entries(homography), *whitening, camera, scale};
+  const PoseFit fit{util::entriesOf(homography), *whitening, camera, scale};
   for (const Eigen::Isometry3d& start : starts) {
     if (const auto pose = fit.from(start)) add(*pose, result.poses);
   }

@@ -64,9 +64,8 @@ Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction) {
 }
 
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix) {
-  const double angle = rotation.norm();
-  if (!(angle > 0.0)) return matrix;
-  return Eigen::AngleAxisd(angle, Eigen::Vector3d(rotation / angle)).toRotationMatrix() * matrix;
+  if (!(rotation.norm() > 0.0)) return matrix;
+  return util::rotationAbout(rotation) * matrix;
 }
 
 void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& order,

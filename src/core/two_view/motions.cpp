@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <limits>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <optional>
 #include <vector>
 
@@ -58,8 +59,8 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 void setPlaneMotion(const PointPairs& pairs, const Cameras& cameras, const Covariance8& covariance,
                     double max_error, TwoView& view) {
   cv::Matx33d calibrated;
-  const Eigen::Matrix3d g = cameras.target_inverse * view.homography * cameras.reference;
-  for (int i = 0; i < 9; ++i) calibrated(i / 3, i % 3) = g(i / 3, i % 3);
+  cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * view.homography * cameras.reference),
+               calibrated);
   std::vector<cv::Mat> rotations;
   std::vector<cv::Mat> translations;
   std::vector<cv::Mat> normals;
@@ -70,13 +71,9 @@ void setPlaneMotion(const PointPairs& pairs, const Cameras& cameras, const Covar
   double second_cost = 0.0;
   for (std::size_t k = 0; k < rotations.size(); ++k) {
     PlanarMotion motion;
-    for (int i = 0; i < 9; ++i) {
-      motion.rotation(i / 3, i % 3) = rotations[k].at<double>(i / 3, i % 3);
-    }
-    for (int i = 0; i < 3; ++i) {
-      motion.translation[i] = translations[k].at<double>(i);
-      motion.normal[i] = normals[k].at<double>(i);
-    }
+    cv::cv2eigen(rotations[k], motion.rotation);
+    cv::cv2eigen(translations[k], motion.translation);
+    cv::cv2eigen(normals[k], motion.normal);
     const double length = motion.translation.norm();
     if (!(length > 1e-9) || !(motion.rotation.determinant() > 0.0)) continue;
     std::size_t front = 0;

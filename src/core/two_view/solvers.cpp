@@ -293,14 +293,6 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
   }
 }
 
-Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0.0, -v.z(), v.y(),  //
-      v.z(), 0.0, -v.x(),   //
-      -v.y(), v.x(), 0.0;
-  return m;
-}
-
 // With E = [t] R, the cross products of E's columns are the columns of t t^T R, and [t] E is
 // t t^T R - R. So R = t t^T R - [t] E; with -t, + [t] E.
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& e) {

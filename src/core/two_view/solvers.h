@@ -5,9 +5,12 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/util/geometry.h"
 #include "ktgp_orb/two_view.h"
 
 namespace ktgp_orb::two_view {
+
+using util::crossed;
 
 /// Real roots of sum of coefficients[i] z^i, ascending within |z| <= 1 and then the others. Returns
 /// their number, at most Degree.
@@ -26,9 +29,6 @@ void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
 void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
                       const Eigen::Matrix<double, 3, 7>& target,
                       std::vector<Eigen::Matrix3d>& solutions);
-
-/// [v]x: crossed(v) w = v × w.
-Eigen::Matrix3d crossed(const Eigen::Vector3d& v);
 
 /// The four motions of an essential matrix of norm sqrt(2), in closed form (Horn, 1990).
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& essential);
