@@ -30,7 +30,6 @@ class FramePipeline {
   /// Waits for the oldest image and returns it; throws RefusedImage if it is unusable.
   Prepared pop();
 
-  bool empty() const { return results_.empty(); }
   /// Enough images are in progress to keep all threads busy.
   bool full() const { return results_.size() >= 2 * threads_.size(); }
 

@@ -230,8 +230,23 @@ class Program:
         for line in self.process.stdout:
             self.lines.append(line)
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.end()
+
     def output(self):
         return ''.join(self.lines)
+
+    def wait(self):
+        """Waits until it ends by itself: what it has said."""
+        try:
+            self.process.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            raise AssertionError('timed out waiting until it ends; so far: ' + self.output())
+        self.reader.join(TIMEOUT)
+        return self.output()
 
     def end(self):
         self.process.terminate()
@@ -247,6 +262,12 @@ class Program:
         if not said():
             self.reader.join(TIMEOUT)
         return said()
+
+
+def node(kind, name, *arguments, **options):
+    """One of the nodelets as a program of its own."""
+    return Program('rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/' + kind, '__name:=' + name, *arguments,
+                   **options)
 
 
 class Repeated:

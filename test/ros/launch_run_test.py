@@ -107,15 +107,6 @@ class Launch(Program):
         self.environment.pop(without, None)
         super().__init__('roslaunch', *package, *arguments, cwd=cwd, env=self.environment)
 
-    def wait(self):
-        """Waits until it ends by itself."""
-        try:
-            self.process.wait(TIMEOUT)
-        except subprocess.TimeoutExpired:
-            raise AssertionError('timed out waiting until it ends; so far: ' + self.output())
-        self.reader.join(TIMEOUT)
-        return self.output()
-
     def stop(self):
         """Ctrl-C. If it comes while roslaunch starts a node, roslaunch can wait forever, or end without
         that node; then what is left is killed."""

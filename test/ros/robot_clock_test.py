@@ -1,13 +1,12 @@
 """Simulated time without a clock, a clock that stands, and a stabilizer with a wrong topic and a
 misspelt parameter: the values and messages."""
 
-import subprocess
 import unittest
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Diagnostics, Log, Recorder, wait_for_matcher, wait_until
+from ktgp_testing import Camera, Diagnostics, Log, Recorder, node, wait_for_matcher, wait_until
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
@@ -50,14 +49,6 @@ class ClockTest(unittest.TestCase):
 
     def test_unknown_parameters_are_named(self):
         for kind in ('matcher', 'stabilizer', 'mosaic'):
-            process = subprocess.Popen(
-                ['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/' + kind,
-                 '__name:=misspelt_' + kind, '_T_w_:=1.0'],
-                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True)
-            try:
-                words = 'parameter /misspelt_%s/T_w_ is not known to this node' % kind
-                self.assertTrue(any(words in line for line in process.stderr), words)
-            finally:
-                process.terminate()
-                process.wait()
-                process.stderr.close()
+            with node(kind, 'misspelt_' + kind, '_T_w_:=1.0') as misspelt:
+                self.assertTrue(misspelt.says('parameter /misspelt_%s/T_w_ is not known to this node' % kind),
+                                misspelt.output())

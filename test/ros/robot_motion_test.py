@@ -2,7 +2,6 @@
 source of height and normal, or refused with the reason."""
 
 import itertools
-import subprocess
 import unittest
 
 import numpy as np
@@ -10,7 +9,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, node, view, wait_until
 from nav_msgs.msg import Odometry
 from poster import information
 from sensor_msgs.msg import CameraInfo, Imu, Range
@@ -231,11 +230,8 @@ class MotionTest(unittest.TestCase):
             self.diagnosed('parameters refused: parameter %s is %s; expected' % (name, value or 'empty'),
                            'by_parameter')
         client.update_configuration({'max_age': 0.1})
-        output = subprocess.run(
-            ['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/GroundMotion', '__name:=refused',
-             '_height_source:=laser'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-            timeout=60).stdout
-        self.assertIn('/refused/height_source is laser; expected range or tf_height or parameter', output)
+        with node('GroundMotion', 'refused', '_height_source:=laser') as refused:
+            self.assertIn('/refused/height_source is laser; expected range or tf_height or parameter', refused.wait())
 
     def test_5_a_camera_that_looks_away_from_the_ground_is_named(self):
         """By tf it looks up: the velocity would have the wrong sign."""

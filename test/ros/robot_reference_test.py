@@ -1,4 +1,4 @@
-"""Reference modes and services: the reference of each frame."""
+"""Reference modes and services: the reference of each frame, and growth from a reference that stays."""
 
 import os
 import tempfile
@@ -7,18 +7,35 @@ import time
 import cv2
 import numpy as np
 import rospy
-from ktgp_orb.msg import MatchStatus
+from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (Diagnostics, MatcherCase, image_message, texture, translation, view,
+from ktgp_testing import (Diagnostics, MatcherCase, image_message, mapped, texture, translation, view,
                           wait_until)
 from sensor_msgs.msg import Image
 
-DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 
+DEFAULTS = {'reference_mode': 'previous', 'reference_image': '',
             'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
 OK = MatchStatus.STATUS_OK
 NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
+ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
+SIDE = 150  # px of the part that both pictures of a hard pair show: one match in fifteen is right
+TURN = cv2.getRotationMatrix2D((320, 240), 35, 1.0)  # of it, about the middle of both
+
+
+def hard_pair():
+    """A picture, and another one that shows a small part of it, turned."""
+    reference, target = texture(HEIGHT, WIDTH, seed=21), texture(HEIGHT, WIDTH, seed=22)
+    part = np.zeros_like(reference)
+    part[240 - SIDE // 2:240 + SIDE // 2, 320 - SIDE // 2:320 + SIDE // 2] = 255
+    turned = cv2.warpAffine(reference, TURN, (WIDTH, HEIGHT))
+    shown = cv2.warpAffine(part, TURN, (WIDTH, HEIGHT), flags=cv2.INTER_NEAREST) > 0
+    target[shown] = turned[shown]
+    return reference, target
+
+
+HARD = hard_pair()
 
 
 class ReferenceTest(MatcherCase):
@@ -70,9 +87,8 @@ class ReferenceTest(MatcherCase):
         for i, s in enumerate(statistics[1:], 1):
             accumulated = self.accumulated_homography.wait_for(s.header.stamp)
             self.assertEqual(accumulated.reference_stamp, statistics[0].header.stamp)
-            h = np.reshape(accumulated.homography, (3, 3))
-            x, y, w = h.dot((WIDTH / 2, HEIGHT / 2, 1))
-            error = np.hypot(x / w - (WIDTH / 2 - PAN * i), y / w - HEIGHT / 2)
+            middle = np.array((WIDTH / 2, HEIGHT / 2))
+            error = np.linalg.norm(mapped(accumulated.homography, [middle])[0] - middle + (PAN * i, 0))
             self.assertLess(error, 0.5 * i, '%s, frame %d' % (mode, i))
         return error
 
@@ -227,3 +243,48 @@ class ReferenceTest(MatcherCase):
             self.assertEqual(answer.statistics.status, NO_REFERENCE, 'not OK, which is zero')
             self.assertEqual(answer.homography.status, NO_REFERENCE)
             self.assertIn("%s: encoding 'magenta'" % which, answer.message)
+
+    def start_robust(self, **parameters):
+        """With a fixed reference, the next picture is that."""
+        before = self.client.get_configuration()
+        self.addCleanup(self.configure, **{name: before[name] for name in ROBUST})
+        self.configure(**dict(ROBUST, **parameters))
+        self.call('reset')
+        if parameters['reference_mode'] == 'fixed':
+            self.call('set_reference')
+
+    def check_grown(self, statistics, homography):
+        self.assertEqual((statistics.status, statistics.found_by),
+                         (OK, MatchStatistics.FOUND_BY_GROWTH))
+        self.assertGreater(statistics.growth_seeds, 0)
+        stage = next(s for s in statistics.stages if s.name == 'growth')
+        self.assertGreater(stage.output, 12)
+        self.assertGreater(stage.milliseconds, 0)
+        self.assertGreaterEqual(statistics.total_milliseconds,
+                                sum(s.milliseconds for s in statistics.stages))
+        corners = ((270, 190), (370, 190), (370, 290), (270, 290))
+        np.testing.assert_allclose(mapped(homography.homography, corners), [TURN @ (*c, 1) for c in corners], atol=2)
+
+    def test_growth_finds_a_fixed_reference_where_little_of_it_is_seen(self):
+        self.start_robust(reference_mode='fixed')
+        super().send(HARD[0])
+        statistics = super().send(HARD[1])
+        self.check_grown(statistics, self.homography.wait_for(statistics.header.stamp))
+        easy = super().send(HARD[0])
+        self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
+
+    def test_growth_is_not_without_the_parameter_and_never_for_the_frame_before(self):
+        for parameters in ({'reference_mode': 'fixed', 'growth': False}, {'reference_mode': 'previous'}):
+            self.start_robust(**parameters)
+            super().send(HARD[0])
+            statistics = super().send(HARD[1])
+            self.assertNotEqual(statistics.status, OK)
+            self.assertEqual((statistics.found_by, statistics.growth_seeds), (MatchStatistics.FOUND_BY_NONE, 0))
+            self.assertNotIn('growth', [s.name for s in statistics.stages])
+
+    def test_match_pair_grows(self):
+        self.start_robust(reference_mode='previous')
+        match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        answer = match(*(image_message(picture, rospy.Time(5)) for picture in HARD))
+        self.assertTrue(answer.success, answer.message)
+        self.check_grown(answer.statistics, answer.homography)

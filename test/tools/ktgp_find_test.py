@@ -4,7 +4,7 @@ import shutil
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, WIDTH, ToolCase, picture, write_pgm
+from tool_case import HEIGHT, WIDTH, ToolCase, picture, window, write_pgm
 
 
 class KtgpFind(ToolCase):
@@ -90,16 +90,12 @@ class KtgpFind(ToolCase):
                                      'expected a new id\n')
 
     def test_says_that_a_target_looks_like_itself_in_another_pose(self):
-        half = [bytes(row[:WIDTH]) for row in picture(5)[:HEIGHT // 2]]
-        card = half + [row[::-1] for row in half[::-1]]
+        half = window(picture(5))[:HEIGHT // 2]
+        card = np.vstack([half, half[::-1, ::-1]])
         write_pgm(self.folder / "posters" / "card.pgm", card)
         # At half size: in views where both poses match equally well, it may be missed.
-        table = [bytearray([128] * WIDTH) for _ in range(HEIGHT)]
-        for y in range(HEIGHT // 2):
-            for x in range(WIDTH // 2):
-                four = card[2 * y][2 * x:2 * x + 2] + card[2 * y + 1][2 * x:2 * x + 2]
-                table[y + 60][x + 80] = sum(four) // 4
-        write_pgm(self.folder / "table.pgm", table)
+        small = card.reshape(HEIGHT // 2, 2, WIDTH // 2, 2).sum(axis=(1, 3)) // 4
+        write_pgm(self.folder / "table.pgm", np.pad(small.astype(np.uint8), ((60,), (80,)), constant_values=128))
         self.find("table.pgm", "posters", "--json", "out.json",
                   prints="; it looks the same turned by 180 degrees: this pose is one of several\n")
         self.assertEqual({found["ambiguity"] for found in self.detections()}, {"turned by 180 degrees"})
@@ -108,10 +104,8 @@ class KtgpFind(ToolCase):
         self.assertEqual([found["ambiguity"] for found in self.detections()], [""])
 
     def test_says_that_there_may_be_more_copies(self):
-        poster = [bytes(row[20:20 + WIDTH]) for row in picture(2)[20:20 + HEIGHT]]
-        rows = [3 * (row + bytes([128] * 20)) for row in poster]
-        (self.folder / "copies.pgm").write_bytes(
-            b"P5\n%d %d\n255\n" % (len(rows[0]), len(rows)) + b"".join(rows))
+        poster = np.pad(window(picture(2), 20, 20), ((0, 0), (0, 20)), constant_values=128)
+        cv2.imwrite(self.path("copies.pgm"), np.tile(poster, 3))
         run = self.find("copies.pgm", "posters", "--max-instances", "2", "--json", "out.json")
         self.assertEqual(len(self.detections()), 2)
         self.assertIn("\n2 of poster1 were found; there may be more: --max-instances\n", run.stdout)
@@ -136,18 +130,17 @@ class KtgpFind(ToolCase):
 
     def test_only_doubtful_targets_are_nothing_found(self):
         """Two pictures with the same logo: where they have the same support, neither is there."""
-        def write_scene(path, logo, width, height, left, top):
-            rows = [bytearray([128] * width) for _ in range(height)]
-            for y in range(80):
-                rows[top + y][left:left + 80] = logo[y][:80]
-            path.write_bytes(b"P5\n%d %d\n255\n" % (width, height) + b"".join(map(bytes, rows)))
+        def write_scene(name, logo, width, height, left, top):
+            scene = np.full((height, width), 128, np.uint8)
+            scene[top:top + 80, left:left + 80] = logo[:80, :80]
+            cv2.imwrite(self.path(name), scene)
         (self.folder / "logos").mkdir()
         doubtful = 0
         for seed in range(40):
             logo = picture(seed)
-            write_scene(self.folder / "logos" / "a.pgm", logo, 240, 240, 20, 20)
-            write_scene(self.folder / "logos" / "b.pgm", logo, 360, 360, 20, 20)
-            write_scene(self.folder / "scene.pgm", logo, 640, 480, 250, 200)
+            write_scene("logos/a.pgm", logo, 240, 240, 20, 20)
+            write_scene("logos/b.pgm", logo, 360, 360, 20, 20)
+            write_scene("scene.pgm", logo, 640, 480, 250, 200)
             run = self.find("scene.pgm", "logos", "--json", "out.json", code=None)
             states = {found["status"] for found in self.detections()}
             self.assertEqual(run.returncode, 0 if "ok" in states else 1, (seed, states))

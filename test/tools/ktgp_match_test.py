@@ -46,7 +46,7 @@ class KtgpMatch(PairCase):
     def test_what_is_not_found_has_advice(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))
         self.match_photos("a.pgm", "other.pgm", code=1, prints="try: no plane that both images show")
-        write_pgm(self.folder / "grey.pgm", [bytes([90] * 400)] * 300)
+        write_pgm(self.folder / "grey.pgm", np.full((HEIGHT, WIDTH), 90, np.uint8))
         self.match_photos("a.pgm", "grey.pgm", code=1, prints="try: an image has hardly any corners")
 
     def test_large_images_that_are_not_found_should_be_made_smaller(self):
@@ -180,7 +180,7 @@ class KtgpMatch(PairCase):
         self.assertNotEqual(out["status"], "ok")
 
     def test_an_image_without_features_is_no_crash(self):
-        write_pgm(self.folder / "grey.pgm", [bytes([90] * 400)] * 300)
+        write_pgm(self.folder / "grey.pgm", np.full((HEIGHT, WIDTH), 90, np.uint8))
         for pair in (("grey.pgm", "b.pgm"), ("a.pgm", "grey.pgm"), ("grey.pgm", "grey.pgm")):
             self.match(*pair, "--csv", "out.csv", "--json", "out.json", "--draw", "o.png", code=1,
                        prints="too_few_features")

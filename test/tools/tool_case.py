@@ -17,21 +17,23 @@ TOOLS = pathlib.Path(os.environ.get("KTGP_ORB_TOOLS", ""))
 
 
 def picture(seed=1):
-    """Rows of grey values: overlapping rectangles, so that there are corners everywhere."""
+    """Overlapping rectangles, so that there are corners everywhere."""
     rng = random.Random(seed)
-    rows = [bytearray([128] * (WIDTH + 40)) for _ in range(HEIGHT + 40)]
+    grey = np.full((HEIGHT + 40, WIDTH + 40), 128, np.uint8)
     for _ in range(700):
         x, y = rng.randrange(WIDTH + 30), rng.randrange(HEIGHT + 30)
-        w, h, grey = rng.randrange(4, 30), rng.randrange(4, 30), rng.randrange(256)
-        for row in rows[y:y + h]:
-            row[x:x + w] = bytes([grey] * len(row[x:x + w]))
-    return rows
+        w, h = rng.randrange(4, 30), rng.randrange(4, 30)
+        grey[y:y + h, x:x + w] = rng.randrange(256)
+    return grey
 
 
-def write_pgm(path, rows, dx=0, dy=0):
-    """A window of WIDTH x HEIGHT whose top-left corner is at (dx, dy)."""
-    body = b"".join(bytes(row[dx:dx + WIDTH]) for row in rows[dy:dy + HEIGHT])
-    pathlib.Path(path).write_bytes(b"P5\n%d %d\n255\n" % (WIDTH, HEIGHT) + body)
+def window(grey, dx=0, dy=0):
+    """Of WIDTH x HEIGHT, with its top-left corner at (dx, dy)."""
+    return grey[dy:dy + HEIGHT, dx:dx + WIDTH]
+
+
+def write_pgm(path, grey, dx=0, dy=0):
+    assert cv2.imwrite(str(path), window(grey, dx, dy))
 
 
 def translation(x, y):
@@ -134,8 +136,7 @@ class PairCase(ToolCase):
 
     def setUp(self):
         super().setUp()
-        rows = picture()
-        write_pgm(self.folder / "a.pgm", rows, 20, 20)
-        write_pgm(self.folder / "b.pgm", rows, 13, 24)  # the scene moves by (7, -4)
+        write_pgm(self.folder / "a.pgm", picture(), 20, 20)
+        write_pgm(self.folder / "b.pgm", picture(), 13, 24)  # the scene moves by (7, -4)
         self.write("H.txt", translation(7, -4))
         self.write("pairs.txt", "ab a.pgm b.pgm H.txt\n")
