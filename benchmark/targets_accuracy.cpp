@@ -1,5 +1,5 @@
 // Many flat targets at once: recall, wrong ids, time and memory, beside SIFT with FLANN and
-// cv::findHomography for each target. Run by `ctest -L long`.
+// cv::findHomography for each target.
 //   targets_accuracy FRAMES FRAMES_OF_PEER TARGETS...
 // Targets: parts of the photographs in KTGP_ORB_DATA, and drawn pictures. Prints the table of
 // doc/targets.md.

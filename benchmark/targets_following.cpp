@@ -1,5 +1,5 @@
 // Many flat targets known, few of them or none in view: time while they are followed, corners and
-// poses with their covariance, and wrong ids in other scenes. Run by `ctest -L long`.
+// poses with their covariance, and wrong ids in other scenes.
 //   targets_following TARGETS FRAMES FRAMES_OF_OTHER_SCENES FIRST_OF_THEM
 // The last one goes on where an earlier run has ended.
 // Prints the tables of doc/targets.md.
