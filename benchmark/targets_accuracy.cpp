@@ -525,8 +525,7 @@ void follow(const World& world, TargetFinder& finder, double search_ms, bool noi
   std::printf("| %.0f | %s | %.1f | %zu | %.1f | %.1f | %zu | %.3f | %.2f | %.1f |\n", search_ms,
               noisy ? "light, blur, noise" : "exact", percent(score.found, score.shown),
               score.others, percentile(score.milliseconds, 0.5),
-              percentile(score.milliseconds, 0.95), score.frames_for_all,
-              std::sqrt(score.corners.squares / std::max(1, score.corners.count)),
+              percentile(score.milliseconds, 0.95), score.frames_for_all, score.corners.rms(),
               score.corners.largest, percent(score.right_poses, score.poses));
   std::fflush(stdout);
 }
