@@ -188,7 +188,10 @@ void expectNothingBetween(const std::vector<cv::Mat>& pictures) {
   KtgpMatcher matcher(options);
   std::vector<Features> features;
   features.reserve(pictures.size());
-  for (const cv::Mat& picture : pictures) features.push_back(test::featuresOf(picture));
+  for (const cv::Mat& picture : pictures) {
+    ASSERT_FALSE(picture.empty());
+    features.push_back(test::featuresOf(picture));
+  }
   for (std::size_t i = 0; i < features.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       MatchResult result;
@@ -208,6 +211,14 @@ TEST(DrawnImages, HaveTheHomographyTheyWereDrawnWith) {
 
 TEST(DrawnImages, HaveNothingInCommonWithOthers) {
   expectNothingBetween(drawnPictures());
+}
+
+TEST(OxfordImages, HaveNothingInCommonWithThoseOfOtherSets) {
+  KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
+  for (int k = 1; k <= 6; k += 5) {
+    expectNothingBetween({test::oxfordImage("leuven", k), test::oxfordImage("bikes", k),
+                          test::oxfordImage("boat", k)});
+  }
 }
 
 class Photographs : public testing::Test {

@@ -52,13 +52,6 @@ Eigen::Matrix3d between(const CameraPose& from, const CameraPose& to) {
          camera().inverse();
 }
 
-template <int kSize>
-double normalisedSquare(const Eigen::Matrix<double, kSize, 1>& error,
-                        const Covariance6& covariance) {
-  const Eigen::Matrix<double, kSize, kSize> part = covariance.topLeftCorner<kSize, kSize>();
-  return error.dot(part.inverse() * error);
-}
-
 /// A flight with a new keyframe every ten frames, and what is known of it.
 class Flight : public test::GroundPictures {
  public:
@@ -308,10 +301,7 @@ TEST(GroundMotion, PixelsAndImageUnitsHaveTheSameCovariance) {
 }
 
 TEST(GroundMotion, CovariancesHoldInMonteCarlo) {
-  double twist_sum = 0.0;
-  double pose_sum = 0.0;
-  double held = 0.0;
-  double twists = 0.0;
+  test::Normalised twists, poses;
   constexpr int kFlights = 150;
   constexpr int kFrames = 150;
   for (unsigned seed = 1; seed <= kFlights; ++seed) {
@@ -320,40 +310,35 @@ TEST(GroundMotion, CovariancesHoldInMonteCarlo) {
       const GroundEstimate& estimate = flight.step();
       if (estimate.hasTwist()) {
         const Eigen::Vector3d error = flight.velocityError(i, estimate);
-        const double nees = normalisedSquare(error, estimate.twist_covariance);
-        twist_sum += nees;
-        held += nees < 16.27 ? 1.0 : 0.0;
-        ++twists;
+        twists.add(error, estimate.twist_covariance);
       }
       if (i == kFrames - 1) {
         const Vector6 error = poseError(estimate, inOdometry(flight.base(i), flight.base(1)));
-        pose_sum += normalisedSquare(error, estimate.pose_covariance);
+        poses.add(error, estimate.pose_covariance);
       }
     }
   }
-  EXPECT_GT(twist_sum / twists, 2.0);
-  EXPECT_LT(twist_sum / twists, 4.0);
-  EXPECT_GE(held / twists, 0.98);
-  EXPECT_GT(pose_sum / kFlights, 4.0);  // 6 are expected
-  EXPECT_LT(pose_sum / kFlights, 9.0);
+  EXPECT_GT(twists.mean(), 2.0);
+  EXPECT_LT(twists.mean(), 4.0);
+  EXPECT_GE(twists.within(16.27), 0.98);
+  EXPECT_GT(poses.mean(), 4.0);  // 6 are expected
+  EXPECT_LT(poses.mean(), 9.0);
 }
 
 /// The noise is a quarter of what is said of it; over relief that may be errors of the plane.
 TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoiseButNotOverRelief) {
   for (const double plane_deviation : {0.0, 0.2}) {
-    double sum = 0.0;
-    double twists = 0.0;
+    test::Normalised twists;
     for (unsigned seed = 1; seed <= 20; ++seed) {
       Flight flight = Flight::noisy(downward(), 3e-5, seed);
       flight.claimed = 4.0;
       flight.plane_deviation = plane_deviation;
       flight.forEachVelocity([&](const GroundEstimate& estimate, const Eigen::Vector3d& error) {
-        sum += normalisedSquare(error, estimate.twist_covariance);
-        ++twists;
+        twists.add(error, estimate.twist_covariance);
       });
     }
-    EXPECT_GT(sum / twists, plane_deviation > 0.0 ? 0.0 : 2.0);  // three degrees of freedom
-    EXPECT_LT(sum / twists, plane_deviation > 0.0 ? 1.2 : 4.0);
+    EXPECT_GT(twists.mean(), plane_deviation > 0.0 ? 0.0 : 2.0);  // three degrees of freedom
+    EXPECT_LT(twists.mean(), plane_deviation > 0.0 ? 1.2 : 4.0);
   }
 }
 
@@ -361,8 +346,8 @@ TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoiseButNotOverRelief) {
 /// that of the pictures.
 TEST(GroundMotion, AVelocityThatThePicturesTellBadlyFollowsTheLastOne) {
   for (const double image_noise : {1e-4, 1e-3}) {
-    double squares[2] = {}, normalised[2] = {};
-    int twists = 0;
+    double squares[2] = {};
+    test::Normalised normalised[2];
     for (const bool follows : {false, true}) {
       for (unsigned seed = 1; seed <= 5; ++seed) {
         Flight flight = Flight::noisy(downward(), image_noise, seed);
@@ -371,16 +356,15 @@ TEST(GroundMotion, AVelocityThatThePicturesTellBadlyFollowsTheLastOne) {
         flight.ground.setOptions(options);
         flight.forEachVelocity([&](const GroundEstimate& estimate, const Eigen::Vector3d& error) {
           squares[follows ? 1 : 0] += error.squaredNorm();
-          normalised[follows ? 1 : 0] += normalisedSquare(error, estimate.twist_covariance);
-          if (follows) ++twists;
+          normalised[follows ? 1 : 0].add(error, estimate.twist_covariance);
         });
       }
     }
     const double ratio = std::sqrt(squares[1] / squares[0]);
     EXPECT_LT(ratio, image_noise > 5e-4 ? 0.55 : 1.0);  // 0.45
     EXPECT_GT(ratio, image_noise > 5e-4 ? 0.0 : 0.95);
-    EXPECT_LT(normalised[1], normalised[0]);
-    EXPECT_GT(normalised[1] / twists, 1.0) << "three are expected";
+    EXPECT_LT(normalised[1].mean(), normalised[0].mean());
+    EXPECT_GT(normalised[1].mean(), 1.0) << "three are expected";
   }
 }
 
@@ -552,7 +536,7 @@ TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
     EXPECT_NEAR(estimate.gap, 31.0 / kRate, 1e-9);
     EXPECT_GT(estimate.pose_covariance(0, 0), before(0, 0) + 1.0);
     const Vector6 error = poseError(estimate, inOdometry(flight.base(i), flight.base(1)));
-    EXPECT_LT(normalisedSquare(error, estimate.pose_covariance), 22.5);  // 99.9 %
+    EXPECT_LT(test::Normalised().add(error, estimate.pose_covariance), 22.5);  // 99.9 %
   }
   EXPECT_EQ(flight.step().status, GroundStatus::ok);
 }
@@ -580,9 +564,9 @@ TEST(GroundMotion, FindsTheNormalFromTheMotion) {
 
 /// What a flight does with some wrong readings.
 struct Outcome {
-  double nees = 0.0;        // mean of the velocity, without the frames while the readings are wrong
-  double velocity = 0.0;    // largest error after a second of right readings, share of the speed
-  double turn_ratio = 0.0;  // at the end
+  test::Normalised twists;   // without the frames while the readings are wrong
+  double velocity = 0.0;     // largest error after a second of right readings, share of the speed
+  double turn_ratio = 0.0;   // at the end
   bool always_known = true;  // every frame has a velocity
 };
 
@@ -590,7 +574,6 @@ Outcome outcomeOf(const std::function<void(int, GroundFrame&)>& disturb, int wro
                   int wrong_to, double gyro = 0.0) {
   Flight flight = Flight::noisy(downward(), 3e-5);
   Outcome outcome;
-  double count = 0.0;
   for (int i = 0; i < 300; ++i) {
     GroundFrame frame = flight.next();
     if (gyro != 0.0 && i > 0) {
@@ -609,10 +592,8 @@ Outcome outcomeOf(const std::function<void(int, GroundFrame&)>& disturb, int wro
           std::max(outcome.velocity, error.norm() / flight.twist(i).head<3>().norm());
     }
     if (i >= wrong_from && i < wrong_to) continue;
-    outcome.nees += normalisedSquare(error, estimate.twist_covariance);
-    ++count;
+    outcome.twists.add(error, estimate.twist_covariance);
   }
-  outcome.nees /= count;
   return outcome;
 }
 
@@ -632,7 +613,7 @@ TEST(GroundMotion, WrongHeightsAreNotBelievedForever) {
   for (const Outcome& outcome : {start, obstacle, outlier}) {
     EXPECT_TRUE(outcome.always_known);
     EXPECT_LT(outcome.velocity, usual + 0.03);
-    EXPECT_LT(outcome.nees, 8.0);
+    EXPECT_LT(outcome.twists.mean(), 8.0);
   }
   EXPECT_LT(outlier.velocity, usual + 0.01);
 }
@@ -663,7 +644,7 @@ TEST(GroundMotion, AGyroscopeThatIsWrongDoesLittleHarm) {
     const Outcome outcome = outcomeOf(none, 0, 0, factor);
     EXPECT_TRUE(outcome.always_known);
     EXPECT_LT(outcome.velocity, usual + 0.1) << factor;
-    EXPECT_LT(outcome.nees, 8.0) << factor;
+    EXPECT_LT(outcome.twists.mean(), 8.0) << factor;
     if (factor < 0.0) {
       EXPECT_NEAR(outcome.turn_ratio, factor, 0.2);
     }
@@ -923,7 +904,7 @@ TEST(GroundMotion, AStraightFlightShowsNoShutterThatIsNotThere) {
         Eigen::Vector3d(0.3, 0.3, 0.02), Eigen::Vector3d(0.0, 0.0, 0.0)}) {
     for (const int keyframe_every : {1, 5}) {
       double readout2 = 0.0;
-      double way2 = 0.0;
+      test::Normalised way;
       constexpr int kRuns = 6;
       for (unsigned seed = 1; seed <= kRuns; ++seed) {
         RollingFlight flight;
@@ -945,10 +926,10 @@ TEST(GroundMotion, AStraightFlightShowsNoShutterThatIsNotThere) {
                        baseOf(flight.posed(1 / kRate), downward()));
         const Eigen::Vector3d error = poseError(last, wanted).head<3>();
         readout2 += readout * readout / kRuns;
-        way2 += normalisedSquare<3>(error, last.pose_covariance) / 3.0 / kRuns;
+        way.add(error, last.pose_covariance);
       }
       EXPECT_LT(readout2, 2.5) << velocity.transpose() << ", " << keyframe_every;
-      EXPECT_LT(way2, 2.5) << velocity.transpose() << ", " << keyframe_every;
+      EXPECT_LT(way.mean(), 3.0 * 2.5) << velocity.transpose() << ", " << keyframe_every;
     }
   }
 }
@@ -964,16 +945,16 @@ TEST(GroundMotion, AHoverOfMinutesKeepsItsPlaceAndATrueCovariance) {
   };
   GroundMotion ground(optionsWith(downward()));
   constexpr int kFrames = 7200;  // 4 minutes
-  double squares = 0.0;
+  test::Normalised twists;
   for (int i = 1; i < kFrames; ++i) {
     const GroundEstimate& found = ground.add(flight.at(i, (i - 1) / 30 * 30));
     if (i < 30) continue;
     ASSERT_TRUE(found.hasTwist()) << i;
-    const Vector6 truth = flight.twist(i);
-    squares += normalisedSquare<3>((found.twist - truth).head<3>(), found.twist_covariance);
+    const Eigen::Vector3d error = (found.twist - flight.twist(i)).head<3>();
+    twists.add(error, found.twist_covariance);
   }
-  EXPECT_LT(squares, 8.0 * kFrames);
-  EXPECT_GT(squares, 1.5 * kFrames);
+  EXPECT_LT(twists.mean(), 8.0);
+  EXPECT_GT(twists.mean(), 1.51);
 }
 
 // What a real rig has, all at once: a rolling shutter of 20 ms, an Imu that is 1 degree off and 20
@@ -988,7 +969,8 @@ TEST(GroundMotion, AnImperfectRigHasVelocitiesWithATrueCovariance) {
   };
   for (const auto& [keyframe_every, has_gyro] :
        {std::pair(1, false), std::pair(1, true), std::pair(5, false), std::pair(5, true)}) {
-    double squares = 0.0, within = 0.0, answers = 0.0, frames = 0.0;
+    test::Normalised twists;
+    double frames = 0.0;
     for (unsigned seed = 1; seed <= 4; ++seed) {
       RollingFlight flight;
       flight.noise = 2e-4;
@@ -1029,18 +1011,15 @@ TEST(GroundMotion, AnImperfectRigHasVelocitiesWithATrueCovariance) {
         if (!has_homography || i < 30) continue;
         ++frames;
         if (!found.hasTwist()) continue;
-        ++answers;
-        const Vector6 truth = flight.twist(i);
-        const Eigen::Vector3d error = (found.twist - truth).head<3>();
-        const double square = normalisedSquare<3>(error, found.twist_covariance);
-        squares += square;
-        within += square < 16.27 ? 1.0 : 0.0;
+        const Eigen::Vector3d error = (found.twist - flight.twist(i)).head<3>();
+        twists.add(error, found.twist_covariance);
       }
     }
-    EXPECT_GE(answers, 0.97 * frames) << keyframe_every << " " << has_gyro;
-    EXPECT_GT(squares, 2.0 * answers) << keyframe_every << " " << has_gyro;
-    EXPECT_LT(squares, 8.0 * answers) << keyframe_every << " " << has_gyro;
-    EXPECT_GE(within, 0.96 * answers) << keyframe_every << " " << has_gyro;
+    EXPECT_GE(static_cast<double>(twists.count()), 0.97 * frames)
+        << keyframe_every << " " << has_gyro;
+    EXPECT_GT(twists.mean(), 2.0) << keyframe_every << " " << has_gyro;
+    EXPECT_LT(twists.mean(), 8.0) << keyframe_every << " " << has_gyro;
+    EXPECT_GE(twists.within(16.27), 0.96) << keyframe_every << " " << has_gyro;
   }
 }
 
@@ -1099,7 +1078,8 @@ TEST(GroundMotion, SomethingThatMovesInAPartOfThePicture) {
   for (const double covered : {0.3, 0.45, 0.6}) {
     FlightOverALorry lorry(covered);
     GroundMotion ground(optionsWith(downward()));
-    double squares = 0.0, answers = 0.0, frames = 0.0, largest = 0.0, largest_without = 0.0;
+    test::Normalised twists;
+    double frames = 0.0, largest = 0.0, largest_without = 0.0;
     for (int i = 1; i < 270; ++i) {
       const GroundEstimate& found = ground.add(lorry.at(i));
       if (i < 30) continue;
@@ -1109,15 +1089,13 @@ TEST(GroundMotion, SomethingThatMovesInAPartOfThePicture) {
       const Eigen::Vector3d error = (found.twist - lorry.twist(i)).head<3>();
       double& of_part = is_there ? largest : largest_without;
       of_part = std::max(of_part, error.norm());
-      if (!is_there) continue;
-      ++answers;
-      squares += normalisedSquare<3>(error, found.twist_covariance);
+      if (is_there) twists.add(error, found.twist_covariance);
     }
-    EXPECT_GE(answers, 0.97 * frames) << covered;
+    EXPECT_GE(static_cast<double>(twists.count()), 0.97 * frames) << covered;
     EXPECT_LT(largest_without, 0.1) << covered;
     if (covered > 0.5) continue;
     EXPECT_LT(largest, covered < 0.4 ? 0.15 : 0.6) << covered;
-    EXPECT_LT(squares, 8.0 * answers) << covered;
+    EXPECT_LT(twists.mean(), 8.0) << covered;
   }
 }
 

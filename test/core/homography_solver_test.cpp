@@ -360,10 +360,9 @@ struct Consistency {
 using Errors =
     std::function<std::vector<Eigen::Vector2d>(const std::vector<Eigen::Vector2d>&, Numbers&)>;
 
-double normalised(const Eigen::Vector2d& error, const Eigen::Matrix<double, 2, 8>& jacobian,
-                  const Covariance8& covariance) {
-  const Eigen::Matrix2d spread = jacobian * covariance * jacobian.transpose();
-  return error.dot(spread.inverse() * error);
+Eigen::Matrix2d spreadBy(const Eigen::Matrix<double, 2, 8>& jacobian,
+                         const Covariance8& covariance) {
+  return jacobian * covariance * jacobian.transpose();
 }
 
 /// `by_cell`: also has two thirds of the points in a ninth of the image.
@@ -376,7 +375,8 @@ Consistency measure(const Errors& errors, std::size_t points, double min_scale,
   options.min_scale = min_scale;
   options.by_cell = by_cell;
   options.of_patches = of_patches;
-  std::vector<double> all, of_noise, deviations;
+  test::Normalised all, of_noise;
+  std::vector<double> deviations;
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
     std::vector<Eigen::Vector2d> reference, target;
@@ -393,17 +393,11 @@ Consistency measure(const Errors& errors, std::size_t points, double min_scale,
     for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
       const Eigen::Vector2d error = apply(found.homography, corner) - apply(truth, corner);
       const auto jacobian = jacobianByEntries(found.homography, corner);
-      all.push_back(normalised(error, jacobian, found.covariance));
-      of_noise.push_back(normalised(error, jacobian, found.covariance - found.shared_covariance));
+      all.add(error, spreadBy(jacobian, found.covariance));
+      of_noise.add(error, spreadBy(jacobian, found.covariance - found.shared_covariance));
     }
   }
-  const auto share = [](const std::vector<double>& values) {
-    const auto below = [](double value) { return value < 13.8; };
-    return static_cast<double>(std::count_if(values.begin(), values.end(), below)) /
-           static_cast<double>(values.size());
-  };
-  using evaluation::median;
-  return {median(all), share(all), share(of_noise), median(deviations)};
+  return {all.median(), all.within(13.8), of_noise.within(13.8), evaluation::median(deviations)};
 }
 
 Eigen::Vector2d white(double sigma, Numbers& numbers) {
@@ -547,7 +541,7 @@ double ofRounded(double zoom) {
   HomographyRefiner refiner;
   EvidenceOptions options;
   options.rounding = 1.0 / std::sqrt(12.0);
-  std::vector<double> all;
+  test::Normalised all;
   for (int scene = 0; scene < 300; ++scene) {
     Eigen::Matrix3d truth = Eigen::Vector3d(zoom, zoom, 1.0).asDiagonal();
     truth(0, 2) = numbers.uniform(0.0, 1.0);
@@ -562,11 +556,11 @@ double ofRounded(double zoom) {
     EXPECT_TRUE(refiner.refine(reference, target, kSize, options, found));
     for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
       const Eigen::Vector2d error = project(found.homography, corner) - project(truth, corner);
-      all.push_back(
-          normalised(error, jacobianByEntries(found.homography, corner), found.covariance));
+      const auto jacobian = jacobianByEntries(found.homography, corner);
+      all.add(error, spreadBy(jacobian, found.covariance));
     }
   }
-  return evaluation::median(all);
+  return all.median();
 }
 
 // Where points move alike they are rounded alike; where they do not, that is noise which the errors

@@ -3,8 +3,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <opencv2/core/types.hpp>
 #include <random>
 #include <vector>
@@ -108,6 +111,35 @@ inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numb
                            Eigen::Vector2d(x, size.height * numbers.uniform(-shift, shift)));
   });
 }
+
+/// Errors in units of their covariances, squared: as many as the error has numbers on average, if
+/// the covariances are right.
+class Normalised {
+ public:
+  /// `covariance`: of the error in its first entries. Returns e' S^-1 e.
+  template <typename Error, typename Covariance>
+  double add(const Error& error, const Covariance& covariance) {
+    constexpr int kSize = Error::RowsAtCompileTime;
+    const Eigen::Matrix<double, kSize, kSize> part =
+        covariance.template topLeftCorner<kSize, kSize>();
+    squares_.push_back(error.dot(part.inverse() * error));
+    return squares_.back();
+  }
+  std::size_t count() const { return squares_.size(); }
+  double mean() const {
+    return std::accumulate(squares_.begin(), squares_.end(), 0.0) / static_cast<double>(count());
+  }
+  double median() const { return evaluation::median(squares_); }
+  /// Share below the bound.
+  double within(double bound) const {
+    const auto below = [&](double square) { return square < bound; };
+    return static_cast<double>(std::count_if(squares_.begin(), squares_.end(), below)) /
+           static_cast<double>(count());
+  }
+
+ private:
+  std::vector<double> squares_;
+};
 
 /// The error of the first eight entries against their covariance, squared. The entries differ by
 /// six orders of magnitude, so each is divided by its own deviation.

@@ -25,6 +25,7 @@ namespace ktgp_orb {
 namespace {
 
 using test::Placement;
+using test::Shown;
 
 const cv::Size kFrame(640, 480);
 const cv::Size kPoster(300, 220);
@@ -39,11 +40,6 @@ TargetFinder finderOf(int posters, TargetFinderOptions options = {}) {
   return finder;
 }
 
-struct Shown {
-  int number;
-  Eigen::Matrix3d homography;
-};
-
 Shown shown(int number, double x, double y, double tilt = 0.4, double zoom = 0.7,
             double turn = 0.3) {
   Placement p;
@@ -56,13 +52,7 @@ Shown shown(int number, double x, double y, double tilt = 0.4, double zoom = 0.7
 }
 
 cv::Mat frameOf(const std::vector<Shown>& all, std::uint64_t background = 1000) {
-  cv::Mat frame, image;
-  test::drawnPicture(kFrame, background).convertTo(frame, CV_32F);
-  for (const Shown& one : all) {
-    test::place(poster(one.number).images[0], one.homography, frame);
-  }
-  frame.convertTo(image, CV_8U);
-  return image;
+  return test::frameOf(all, kPoster, kFrame, background);
 }
 
 const DetectedTarget* detectionOf(const TargetFrame& frame, int number) {
@@ -121,8 +111,8 @@ TEST(TargetFinder, CornersAreWhereTheHomographyAndItsCovarianceSay) {
       corners.add(*found, truth.homography, kPoster);
     }
   }
-  EXPECT_LT(std::sqrt(corners.squares / corners.count), 0.05);  // px
-  EXPECT_EQ(corners.right, corners.count);
+  EXPECT_LT(corners.rms(), 0.05);  // px
+  EXPECT_EQ(corners.normalised.within(13.8), 1.0);
 }
 
 /// Its height, 0.73 of the width, is 45 px: half of the keypoints' usual reach.
@@ -210,11 +200,11 @@ TEST(TargetFinder, CornersOfABlurredTargetAreWhereTheirCovarianceSays) {
       EXPECT_LT(corners.largest, 4.0) << blur << i;  // px
     }
   }
-  ASSERT_GE(corners.count, 4 * 7);
+  ASSERT_GE(corners.normalised.count(), 4U * 7U);
   // 99.9 % and 2 if the covariance is right; half of them and 49 with that of the keypoints. What
   // is missing are 15 px of motion blur: the patches beside the border show some of the background.
-  EXPECT_GE(corners.right, 0.85 * corners.count);
-  EXPECT_LT(corners.squared_deviations, 6.0 * corners.count);
+  EXPECT_GE(corners.normalised.within(13.8), 0.85);
+  EXPECT_LT(corners.normalised.mean(), 6.0);
 }
 
 /// A quarter of the usual camera: 14 px high, and the covariance of what was enlarged is right.
@@ -236,8 +226,8 @@ TEST(TargetFinder, FindsSmallTargetsInSmallFrames) {
     corners.add(*one, map, kPoster);
   }
   EXPECT_GE(found, 5);
-  EXPECT_LT(corners.largest, 1.0);                 // px
-  EXPECT_GE(corners.right, 0.95 * corners.count);  // 99.9 % if the covariance is right
+  EXPECT_LT(corners.largest, 1.0);                   // px
+  EXPECT_GE(corners.normalised.within(13.8), 0.95);  // 99.9 % if the covariance is right
 }
 
 /// The pyramid does not reach a target that fills a photograph of 12 megapixels.

@@ -4,7 +4,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "evaluation/rendering.h"
 #include "ktgp_orb/target_finder.h"
@@ -72,22 +74,37 @@ inline cv::Mat inFrontOf(const cv::Mat& background, const cv::Mat& target,
   return image;
 }
 
+/// The poster of that number in a frame.
+struct Shown {
+  int number;
+  Eigen::Matrix3d homography;  ///< poster -> frame, px
+};
+
+/// Posters of one size in front of a drawn background.
+inline cv::Mat frameOf(const std::vector<Shown>& all, const cv::Size& poster_size,
+                       const cv::Size& size, std::uint64_t background) {
+  cv::Mat frame, image;
+  drawnPicture(size, background).convertTo(frame, CV_32F);
+  for (const Shown& one : all) {
+    place(poster(poster_size, one.number).images[0], one.homography, frame);
+  }
+  frame.convertTo(image, CV_8U);
+  return image;
+}
+
 /// Errors of found corners beside their covariances.
 struct CornerErrors {
   double squares = 0.0, largest = 0.0;  ///< px
-  double squared_deviations = 0.0;
-  int count = 0, right = 0;  ///< how many are within 99.9 %
+  Normalised normalised;
 
+  double rms() const { return std::sqrt(squares / static_cast<double>(normalised.count())); }
   void add(const DetectedTarget& found, const Eigen::Matrix3d& truth, const cv::Size& target) {
     std::size_t i = 0;
     for (const Eigen::Vector2d& corner : corners(target)) {
       const Eigen::Vector2d error = found.corners[i] - apply(truth, corner);
-      const double square = error.dot(found.corner_covariances[i++].inverse() * error);
       squares += error.squaredNorm();
       largest = std::max(largest, error.norm());
-      squared_deviations += square;
-      right += square < 13.8 ? 1 : 0;
-      ++count;
+      normalised.add(error, found.corner_covariances[i++]);
     }
   }
 };

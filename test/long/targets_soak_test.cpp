@@ -33,15 +33,9 @@ cv::Mat pictureOf(int number) {
   return test::drawnPicture(kPictureSize, static_cast<std::uint64_t>(number));
 }
 
-/// A picture in a frame.
-struct Shown {
-  int picture;
-  Eigen::Matrix3d homography;  // picture -> frame, px
-};
-
 struct TargetScene {
   cv::Mat image;
-  std::vector<Shown> shown;
+  std::vector<test::Shown> shown;
 };
 
 /// One or two pictures on a background, each at least 120 px wide; in every eighth scene one of
@@ -49,8 +43,6 @@ struct TargetScene {
 TargetScene sceneOf(int number, const cv::Size& size) {
   cv::RNG random(static_cast<std::uint64_t>(number) + 1);
   TargetScene scene;
-  cv::Mat canvas;
-  test::drawnPicture(size, 5000 + static_cast<std::uint64_t>(number)).convertTo(canvas, CV_32F);
   const int first = random.uniform(0, kPictures);
   const int second = number % 8 == 0 ? first : (first + 1 + number % 7) % kPictures;
   for (int i = 0; i < 2; ++i) {
@@ -60,11 +52,10 @@ TargetScene sceneOf(int number, const cv::Size& size) {
     place.turn = random.uniform(-0.4, 0.4);
     place.zoom = random.uniform(0.42, 0.5);
     place.middle = {size.width * (i == 0 ? 0.26 : 0.74), size.height * random.uniform(0.4, 0.6)};
-    const int shown = i == 0 ? first : second;
-    scene.shown.push_back({shown, test::homographyOf(place, kPictureSize)});
-    test::place(pictureOf(shown), scene.shown.back().homography, canvas);
+    scene.shown.push_back({i == 0 ? first : second, test::homographyOf(place, kPictureSize)});
   }
-  canvas.convertTo(scene.image, CV_8U);
+  scene.image =
+      test::frameOf(scene.shown, kPictureSize, size, 5000U + static_cast<unsigned>(number));
   return scene;
 }
 
@@ -256,7 +247,7 @@ class Soak {
                   known_.has(detection.id) ? "" : ", and not known");
     }
     for (std::size_t i = 0; i < found.size(); ++i) {
-      if (known_.isFree(scene.shown[i].picture)) continue;
+      if (known_.isFree(scene.shown[i].number)) continue;
       ++tally_.shown;
       tally_.found += found[i];
     }
@@ -268,8 +259,8 @@ class Soak {
     const Eigen::Matrix3d homography =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(detection.homography.data());
     for (std::size_t i = 0; i < scene.shown.size(); ++i) {
-      const Shown& shown = scene.shown[i];
-      if (known_.shows(detection.id, shown.picture) &&
+      const test::Shown& shown = scene.shown[i];
+      if (known_.shows(detection.id, shown.number) &&
           test::errorInView(shown.homography, homography, kPictureSize, scene.image.size()) <
               kMaxError) {
         return static_cast<int>(i);

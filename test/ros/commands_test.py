@@ -126,16 +126,17 @@ NOT_RUN = {
         'scripts/test -L long -R long_soak'],
     'takes minutes to hours': [
         'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test', 'dev/check_arm64{, --fast, knn_matcher_test}',
-        'test/long/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
+        'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
         'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly', 'dev/sanitize thread full',
         'dev/mutate{, --refresh, --refresh 15 1, core/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
-        'scripts/test -L long{, -R {motion,latency,lost_target,faults,verdict,targets,long_flood,targets_soak}}',
+        'scripts/test -L long{, -R {motion,faults,verdict,long_flood,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
         'rostest test/ros/program.test name:=robot_overload args:=--seconds=120',
         'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
         '--methods ROBUST-GROWTH\\,ROBUST\\,HARD\\,HARD-VIEWS\\,SIFT\\,AKAZE'],
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
-        'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}'],
+        'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}',
+        'build/bench/bin/targets_accuracy {recall 300 30 10 100 1000,following 1000 600 5000 0}'],
     'dev/check_workspace runs it, or its like, in a workspace of its own, in CI': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],

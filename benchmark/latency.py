@@ -2,10 +2,9 @@
 """Age of the results when they are published, under load: a free-running camera of 640x480, one or eight
 matchers in one nodelet manager, with and without a busy process on the other core.
 
-Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on an idle
-machine:
-    test/long/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
-                    [--search-radius 0] [--lost-target]
+Run in the environment of a build (source devel/setup.bash), on an idle machine:
+    benchmark/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
+                         [--search-radius 0] [--lost-target]
 With --lost-target the matchers look for a fixed reference that is never in view, with preset robust: each frame
 goes through PROSAC in vain and then through the growth.
 Prints a table: p50, p99 and largest latency from the image's stamp to the published statistics, and
@@ -24,7 +23,7 @@ import yaml
 from ktgp_orb.msg import MatchStatistics
 from sensor_msgs.msg import Image
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../ros'))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../test/ros'))
 from ktgp_testing import Program, image_message, own_master, texture, view  # noqa: E402
 
 
@@ -99,7 +98,7 @@ def parameters_of(arguments, folder):
         return {'search_radius': arguments.search_radius}
     reference = os.path.join(folder, 'reference.png')
     cv2.imwrite(reference, texture(480, 640, seed=2))
-    robust = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../config/robust.yaml')
+    robust = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../config/robust.yaml')
     with open(robust) as file:
         return dict(yaml.safe_load(file), reference_mode='fixed', reference_image=reference)
 

@@ -15,7 +15,7 @@ import subprocess
 import cv2
 import numpy as np
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PROGRAMS = os.path.join(ROOT, 'out/release/devel/lib/ktgp_orb')
 CROPS = (0.1, 0.2)
 SIZE = 640, 480

@@ -9,7 +9,7 @@ import sys
 import tempfile
 
 PROGRAMS = os.path.abspath(sys.argv[1])
-ONE = os.path.abspath(os.path.dirname(__file__) + '/../../examples/fleet/one_recording.sh')
+ONE = os.path.abspath(os.path.dirname(__file__) + '/../examples/fleet/one_recording.sh')
 RECORDINGS, SECONDS = 4, 2
 VARIANTS = (('KTGP', ['--preset', 'ktgp']), ('robust', ['--preset', 'robust']),
             ('KTGP, stabilised', ['--preset', 'ktgp', '--stabilize', 'steady.mp4']),
