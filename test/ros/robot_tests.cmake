@@ -13,7 +13,7 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
 endforeach()
 # Like heap_test it replaces malloc, and it needs function names for addresses.
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
-foreach(name robot_diagnostics robot_reference robot_time)
+foreach(name robot_diagnostics robot_reference)
   ktgp_orb_stream_test(${name} ${name})
 endforeach()
 foreach(name robot_clock robot_consumers robot_motion robot_pose robot_targets)
