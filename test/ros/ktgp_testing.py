@@ -120,6 +120,16 @@ def own_master(environment=os.environ):
     return process
 
 
+def virtual_display(size, log=subprocess.DEVNULL):
+    """Its process and its name."""
+    read, write = os.pipe()
+    process = subprocess.Popen(['Xvfb', '-displayfd', str(write), '-screen', '0', size], pass_fds=[write], stdout=log,
+                               stderr=log)
+    os.close(write)
+    with os.fdopen(read) as numbers:
+        return process, ':' + numbers.readline().strip()
+
+
 def check_each(cases, check):
     """Runs a check for every case and lists the failures (rosunit does not show subtests)."""
     failures = []

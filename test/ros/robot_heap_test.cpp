@@ -194,7 +194,3 @@ TEST(RobotHeap, IsAskedForMessagesAlone) {
 }  // namespace ktgp_orb::test
 
 #endif
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_heap_test");
-}

@@ -116,7 +116,3 @@ TEST(ZeroCopy, EightMatchersHoldTheCamerasOwnImage) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_loading_test");
-}

@@ -129,7 +129,3 @@ TEST(Overload, LatencyStaysBelowTwoFrameTimes) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_overload_test");
-}

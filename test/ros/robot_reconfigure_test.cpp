@@ -158,7 +158,3 @@ TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_reconfigure_test");
-}

@@ -1,4 +1,5 @@
-"""Reference modes and services: the reference of each frame, and growth from a reference that stays."""
+"""Reference modes and services: the reference of each frame, also with unusual stamps, as from faulty cameras and other
+clocks; and growth from a reference that stays."""
 
 import os
 import tempfile
@@ -9,7 +10,7 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (Diagnostics, MatcherCase, image_message, mapped, texture, translation, view,
+from ktgp_testing import (Diagnostics, MatcherCase, check_each, image_message, mapped, texture, translation, view,
                           wait_until)
 from sensor_msgs.msg import Image
 
@@ -19,6 +20,20 @@ OK = MatchStatus.STATUS_OK
 NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
+NONE, RESET = MatchStatus.REASON_NONE, MatchStatus.REASON_RESET
+BACK, GAP = MatchStatus.REASON_STAMP_WENT_BACK, MatchStatus.REASON_GAP
+LAST = 4294967295.0  # s, the largest stamp there is
+# Stamps, and the reason why each frame has no reference, or NONE for one that is matched.
+SEQUENCES = {
+    'steady': ((10.0, RESET), (10.1, NONE), (10.2, NONE)),
+    'repeated': ((20.0, RESET), (20.0, NONE), (20.0, NONE), (20.1, NONE)),
+    'going back': ((30.0, RESET), (30.1, NONE), (29.9, BACK), (30.0, NONE)),
+    'zero': ((0.0, RESET), (0.0, NONE), (0.0, NONE)),
+    'zero in between': ((40.0, RESET), (40.1, NONE), (0.0, BACK), (40.2, GAP), (40.3, NONE)),
+    'jumping ahead': ((50.0, RESET), (50.1, NONE), (52.0, GAP), (52.1, NONE)),
+    'a century ahead and back': ((60.0, RESET), (LAST, GAP), (LAST, NONE), (60.1, BACK),
+                                 (60.2, NONE)),
+}
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
 SIDE = 150  # px of the part that both pictures of a hard pair show: one match in fifteen is right
 TURN = cv2.getRotationMatrix2D((320, 240), 35, 1.0)  # of it, about the middle of both
@@ -243,6 +258,22 @@ class ReferenceTest(MatcherCase):
             self.assertEqual(answer.statistics.status, NO_REFERENCE, 'not OK, which is zero')
             self.assertEqual(answer.homography.status, NO_REFERENCE)
             self.assertIn("%s: encoding 'magenta'" % which, answer.message)
+
+    def test_each_sequence_of_stamps_has_its_reference(self):
+        def check(name):
+            self.call('reset')
+            for number, (seconds, reason) in enumerate(SEQUENCES[name]):
+                # Counted, since the frame before may have had the same stamp.
+                counts = {topic: len(topic.messages()) for topic in (self.statistics, self.homography)}
+                stamp = rospy.Time.from_sec(seconds)
+                self.camera.send(image_message(view(100 + 5 * number, 100), stamp))
+                for topic, count in counts.items():
+                    def answers(topic=topic, count=count, stamp=stamp):
+                        return [m for m in topic.messages()[count:] if m.header.stamp == stamp]
+                    wait_until(answers, 'frame %d of "%s" is on %s' % (number, name, topic.topic))
+                    self.assertEqual([(m.reason, m.status) for m in answers()],
+                                     [(reason, OK if reason == NONE else NO_REFERENCE)], 'frame %d' % number)
+        check_each(SEQUENCES, check)
 
     def start_robust(self, **parameters):
         """With a fixed reference, the next picture is that."""

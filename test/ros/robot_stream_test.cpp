@@ -381,7 +381,3 @@ TEST(StreamTransport, IsReadOnceAtTheStart) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_stream_test");
-}

@@ -205,7 +205,3 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_teardown_test");
-}

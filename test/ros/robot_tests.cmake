@@ -1,17 +1,19 @@
 # The nodelet on a robot. The C++ tests load it into their own process.
+add_library(robot_main STATIC EXCLUDE_FROM_ALL robot_main.cpp)
+target_include_directories(robot_main PUBLIC ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/test/core)
+target_link_libraries(robot_main PUBLIC ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST_MAIN} Threads::Threads)
+ktgp_orb_reuse_precompiled(ktgp_orb_test_headers robot_main)
 foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
     robot_views_teardown)
   add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.cpp)
-  target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/test/core)
-  target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST_MAIN}
-    Threads::Threads)
+  target_link_libraries(${name}_test robot_main)
   ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} program.test name:=${name})
 endforeach()
 # Like heap_test it replaces malloc, and it needs function names for addresses.
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
-foreach(name robot_diagnostics robot_reference robot_time)
+foreach(name robot_diagnostics robot_reference)
   ktgp_orb_stream_test(${name} ${name})
 endforeach()
 foreach(name robot_clock robot_consumers robot_motion robot_pose robot_targets)

@@ -159,7 +159,3 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "robot_views_teardown_test");
-}

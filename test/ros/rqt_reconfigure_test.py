@@ -13,7 +13,7 @@ import unittest
 import rospy
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import Match
-from ktgp_testing import Camera, Recorder, view, wait_until
+from ktgp_testing import Camera, Recorder, view, virtual_display, wait_until
 
 SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_gui',
            'qt_gui_core/qt_gui_py_common', 'python_qt_binding', 'rqt_console', 'rqt/rqt_py_common')
@@ -25,13 +25,7 @@ class Client:
     def __init__(self, home):
         rqt = os.environ['KTGP_ORB_RQT']
         self.log = open(os.path.join(home, 'rqt.log'), 'w+')
-        read, write = os.pipe()
-        self.display = subprocess.Popen(
-            ['Xvfb', '-displayfd', str(write), '-screen', '0', '1400x2600x24'], pass_fds=[write],
-            stdout=self.log, stderr=self.log)
-        os.close(write)
-        with os.fdopen(read) as numbers:
-            display = ':' + numbers.readline().strip()
+        self.display, display = virtual_display('1400x2600x24', self.log)
         environment = dict(
             os.environ, DISPLAY=display, QT_QPA_PLATFORM='xcb', XDG_CONFIG_HOME=home, HOME=home,
             PYTHONPATH=':'.join([os.path.join(rqt, s, 'src') for s in SOURCES] +

@@ -2,7 +2,6 @@
 
 import importlib.machinery
 import os
-import subprocess
 import sys
 import tempfile
 import unittest
@@ -11,27 +10,17 @@ import rospy
 import yaml
 from dynamic_reconfigure.server import Server
 from ktgp_orb.cfg import GroundMotionConfig, KtgpConfig
-from ktgp_testing import own_master, wait_until
+from ktgp_testing import own_master, virtual_display, wait_until
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.dont_write_bytecode = True
-
-
-def display():
-    """A virtual display: its process and its name."""
-    read, write = os.pipe()
-    process = subprocess.Popen(['Xvfb', '-displayfd', str(write), '-screen', '0', '900x800x24'],
-                               pass_fds=[write], stderr=subprocess.DEVNULL)
-    os.close(write)
-    with os.fdopen(read) as numbers:
-        return process, ':' + numbers.readline().strip()
 
 
 class SlidersTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.master = own_master()
-        cls.display, os.environ['DISPLAY'] = display()
+        cls.display, os.environ['DISPLAY'] = virtual_display('900x800x24')
         rospy.init_node('sliders_test', disable_signals=True)
         cls.sliders = importlib.machinery.SourceFileLoader('sliders', os.path.join(ROOT, 'scripts/sliders')).load_module()
 
