@@ -111,7 +111,8 @@ class BagInputsTest(FolderCase):
             image.encoding = 100000 * 'x'
             return image
 
-        text = self.run_bag(self.write_bag(views(3), convert=no_encoding), '--stabilize', 'v.mp4', '--mosaic', 'm.png', code=1, words=(
+        bag = self.write_bag(views(3), convert=no_encoding)
+        text = self.run_bag(bag, '--stabilize', 'v.mp4', '--mosaic', 'm.png', code=1, words=(
             "3 images could not be used, the first because: encoding '%s...' is not" % (64 * 'x'),
             'v.mp4: not written, since no image could be used', 'm.png: not written'))
         self.assertLess(len(text), 2000)
