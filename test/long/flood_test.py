@@ -209,8 +209,8 @@ class FloodTest(unittest.TestCase):
                 self.assertIsNone(STARTED[-1].poll(), 'the manager has died')
                 time.sleep(0.5)
             for name, flood in floods.items():
-                flood.stop()
                 self.assertIsNone(flood.trouble, name)
+                flood.stop()
                 totals[name] = totals.get(name, 0) + flood.count
             rests.append(self.at_rest(memory))
             print('after %.0f s: %.0f MB at rest, %.0f MB at most; %s; received: %s' %

@@ -68,7 +68,7 @@ def views(count, x=100):
 def write_bag(path, pictures, topic='/camera/image_raw', info=None, rate=30.0, stamps=None,
               convert=lambda image: image, **options):
     """A recording of pictures from 1000 s on, each as `convert` makes it from its message, with a camera_info for
-    each. stamps: those of the headers, s, if not the time of arrival."""
+    each: info, whose header changes. stamps: those of the headers, s, if not the time of arrival."""
     with rosbag.Bag(path, 'w', **options) as bag:
         for i, picture in enumerate(pictures):
             arrival = rospy.Time.from_sec(1000 + i / rate)
@@ -110,18 +110,20 @@ def free_port():
 
 def own_master(environment=os.environ):
     """The process of a ROS master of the test's own, which the environment names from now on."""
-    process = None
-    while process is None or process.poll() is not None:  # another program has taken the port meanwhile
+    for _ in range(5):  # another program may take the port meanwhile
         environment['ROS_MASTER_URI'] = 'http://localhost:%d' % free_port()
         master = rosgraph.Master('/own_master', environment['ROS_MASTER_URI'])
         process = subprocess.Popen(['rosmaster', '--core', '-p', environment['ROS_MASTER_URI'].rsplit(':', 1)[1]],
                                    env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wait_until(lambda: process.poll() is not None or master.is_online(), 'the master answers')
-    return process
+        if process.poll() is None and master.getPid() == process.pid:
+            return process
+        process.kill()
+    raise AssertionError('no ROS master starts')
 
 
 def virtual_display(size, log=subprocess.DEVNULL):
-    """Its process and its name."""
+    """Starts an X server without a screen: its process and the name of its display."""
     read, write = os.pipe()
     process = subprocess.Popen(['Xvfb', '-displayfd', str(write), '-screen', '0', size], pass_fds=[write], stdout=log,
                                stderr=log)
@@ -281,7 +283,8 @@ def node(kind, name, *arguments, **options):
 
 
 class Repeated:
-    """Does something again and again, every `period` s of wall time, in a thread of its own until stop()."""
+    """Does something again and again, first after `period` s of wall time, in a thread of its own until stop(), or
+    until it fails: then `trouble` is why, and stop() raises it."""
 
     def __init__(self, period, act):
         self.period, self.count, self.trouble, self._act = period, 0, None, act
@@ -301,6 +304,8 @@ class Repeated:
     def stop(self):
         self._end.set()
         self._thread.join()
+        if self.trouble:
+            raise self.trouble
 
 
 class Recorder:

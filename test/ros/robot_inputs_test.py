@@ -90,7 +90,7 @@ class InputsTest(MatcherCase):
         self.assertAlmostEqual(self.shift_of_two_views(), 0.0, delta=0.5,
                                msg='else the test shows nothing')
         before = self.send_view().configuration
-        self.mask.publish(image_message(MASK, rospy.Time(1), 'mono16'))
+        self.mask.publish(image_message((255 * (MASK > 0)).astype(np.uint8), rospy.Time(1)))
         self.send_until_changed(before)
         self.check_masked()
         before = self.send_view().configuration

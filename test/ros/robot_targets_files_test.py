@@ -24,7 +24,7 @@ def limit_files():
     resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
 
 
-def targets(name, before=None, **parameters):
+def targets_node(name, before=None, **parameters):
     for key, value in parameters.items():
         rospy.set_param(name + '/' + key, value)
     namespace, _, own = name.rpartition('/')
@@ -45,7 +45,7 @@ def image(picture):
 class TargetsFilesTest(FolderCase):
     def said_at_start(self, name, file):
         """What a node says that ends at once, since it cannot keep this list."""
-        with targets(name, file=file) as program:
+        with targets_node(name, file=file) as program:
             return program.wait()
 
     def succeed(self, *request):
@@ -76,7 +76,7 @@ class TargetsFilesTest(FolderCase):
             self.assertIn(words, answer.message)
             self.assertIn('File too large', answer.message)
             self.assertEqual(before, self.contents())
-        with targets('/full', limit_files, file=kept):
+        with targets_node('/full', limit_files, file=kept):
             wait_until(lambda: state() == (2, ['first']), 'both are read')
             refused('.png: cannot be written', 'add', 'large', [image(texture(150, 200, seed=25)), image(LARGE)], 0.0, '')
             refused('.png: cannot be written', 'replace', 'first', [image(LARGE)], 0.0, '')
@@ -87,7 +87,7 @@ class TargetsFilesTest(FolderCase):
         # A list that is too long already: nothing can be removed, either.
         self.write(kept, '- {id: other, image: other.png, frame: %s}\n- {id: first, image: first.png}\n' %
                    (2 * long_frame))
-        with targets('/full', limit_files, file=kept):
+        with targets_node('/full', limit_files, file=kept):
             # The one with the long frame is refused, and stays in the list.
             wait_until(lambda: state() == (1, ['first']), 'both are read')
             refused('cannot be written', 'remove', 'first')
@@ -105,7 +105,7 @@ class TargetsFilesTest(FolderCase):
             answer = call('/kept', 'detect', image(rendered(K)), CameraInfo())
             return answer.detections.known, [d.id for d in answer.detections.detections]
         for start in range(2):
-            with targets('/kept', targets=posters, file=kept) as program:
+            with targets_node('/kept', targets=posters, file=kept) as program:
                 wait_until(lambda: found() == (1 + start, ['mine']), 'it knows mine')
                 self.assertTrue(program.says('it stays in ' + kept), program.output())
                 # One that is refused stays in the list: its image may come back.
@@ -134,7 +134,7 @@ class TargetsFilesTest(FolderCase):
         self.assertEqual(self.read(kept).count('id: broken'), 1)
 
     def test_creates_the_folder_of_the_list_or_says_why_not(self):
-        with targets('/new', file=self.path('a', 'b', 'kept.yaml')):
+        with targets_node('/new', file=self.path('a', 'b', 'kept.yaml')):
             self.succeed('/new', 'add', 'first', [image(POSTER)], 0.0, '')
             answer = call('/new', 'add', 'flat', [image(0 * POSTER + 90)], 0.0, '')
             self.assertIn('too little texture', answer.message)
@@ -152,7 +152,7 @@ class TargetsFilesTest(FolderCase):
         self.write('victim', 'mine')
         for name in ('kept.yaml.unfinished', 'kept.unfinished0.yaml'):
             os.symlink('victim', self.path(name))
-        with targets('/owner', file=kept, targets=self.path('targets.yaml')):
+        with targets_node('/owner', file=kept, targets=self.path('targets.yaml')):
             self.succeed('/owner', 'add', 'small', [image(SMALL)], 0.0, '')
             self.assertIn(kept + ': is in use by another node', self.said_at_start('/second', kept))
             answer = call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections
@@ -162,7 +162,7 @@ class TargetsFilesTest(FolderCase):
         left = ['7.unfinished0.png', '8.png']
         for name in left + ['mine.png']:
             cv2.imwrite(self.path('kept.yaml_images', name), SMALL)
-        with targets('/owner', file=kept):  # free again
+        with targets_node('/owner', file=kept):  # free again
             wait_until(lambda: call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections.known == 2,
                        'both are kept')
         images = os.listdir(self.path('kept.yaml_images'))
@@ -175,7 +175,7 @@ class TargetsFilesTest(FolderCase):
         cv2.imwrite(self.path('poster.png'), POSTER)
         self.write(kept, '- {image: poster.png}\n')
         os.symlink('kept.yaml', self.path('link.yaml'))
-        with targets('/linked', file=self.path('link.yaml')):
+        with targets_node('/linked', file=self.path('link.yaml')):
             self.succeed('/linked', 'add', 'small', [image(SMALL)], 0.0, '')
             self.assertIn(kept + ': is in use by another node', self.said_at_start('/second', kept))
         self.assertTrue(os.path.islink(self.path('link.yaml')))
@@ -192,7 +192,7 @@ class TargetsFilesTest(FolderCase):
         self.assertFalse(os.path.exists('/dev/null_images'))
 
     def test_says_where_a_relative_list_is(self):
-        with targets('/relative', lambda: os.chdir(self.folder), file='kept.yaml') as program:
+        with targets_node('/relative', lambda: os.chdir(self.folder), file='kept.yaml') as program:
             expected = 'keeps targets in ' + os.path.join(os.path.realpath(self.folder), 'kept.yaml')
             self.assertTrue(program.says(expected), program.output())
 
@@ -205,7 +205,7 @@ class TargetsFilesTest(FolderCase):
         camera = Camera('/many/camera/image_raw')
         known = []
         picture = rendered(K)
-        with targets('/many/camera/targets', targets=self.path('posters'), file=self.path('kept.yaml')):
+        with targets_node('/many/camera/targets', targets=self.path('posters'), file=self.path('kept.yaml')):
             camera.wait_for_subscriber()
             # The last one is not read yet.
             answer = call('/many/camera/targets', 'add', '149', [image(POSTER)], 0.0, '')
@@ -235,8 +235,8 @@ class TargetsFilesTest(FolderCase):
                  for robot in robots}
         detections = {robot: Recorder(robot + '/targets/detections', TargetDetections, self) for robot in robots}
         transforms = Recorder('/tf', TFMessage, self)
-        with targets('/one/camera/targets', targets=self.path('targets.yaml')), \
-                targets('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='/two/'):
+        with targets_node('/one/camera/targets', targets=self.path('targets.yaml')), \
+                targets_node('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='/two/'):
             for robot in robots:
                 infos[robot].publish(information())
                 cameras[robot].wait_for_subscriber()
