@@ -123,7 +123,7 @@ RUN = {
 NOT_RUN = {
     'a part of continuous integration, for minutes': [
         'dev/check', '{sudo ,}dev/check_platform bookworm', 'dev/check_workspace', 'dev/sanitize{, thread, address}',
-        'scripts/test -L long -R long_soak'],
+        'scripts/test -L long -R long_soak', 'rostest test/ros/stream.test name:=lazy program:=lazy_test'],
     'takes minutes to hours': [
         'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test', 'dev/check_arm64{, --fast, knn_matcher_test}',
         'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
