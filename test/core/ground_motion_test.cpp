@@ -363,6 +363,7 @@ TEST(GroundMotion, AVelocityThatThePicturesTellBadlyFollowsTheLastOne) {
     const double ratio = std::sqrt(squares[1] / squares[0]);
     EXPECT_LT(ratio, image_noise > 5e-4 ? 0.55 : 1.0);  // 0.45
     EXPECT_GT(ratio, image_noise > 5e-4 ? 0.0 : 0.95);
+    EXPECT_EQ(normalised[1].count(), normalised[0].count());
     EXPECT_LT(normalised[1].mean(), normalised[0].mean());
     EXPECT_GT(normalised[1].mean(), 1.0) << "three are expected";
   }

@@ -214,7 +214,3 @@ TEST(Soak, NothingGrows) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "soak_test");
-}

@@ -461,7 +461,3 @@ TEST(TargetsSoak, NothingGrowsAndNoTargetIsWrong) {
 
 }  // namespace
 }  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  return ktgp_orb::test::runTests(argc, argv, "targets_soak_test");
-}

@@ -231,15 +231,4 @@ Number argument(const std::string& name, Number otherwise) {
   return otherwise;
 }
 
-/// The body of main(): a node whose own callbacks need only one thread.
-inline int runTests(int argc, char** argv, const std::string& name) {
-  testing::InitGoogleTest(&argc, argv);
-  arguments.assign(argv, argv + argc);
-  ros::init(argc, argv, name);
-  const ros::NodeHandle node;  // keeps ROS up between the tests
-  ros::AsyncSpinner spinner(1);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
-
 }  // namespace ktgp_orb::test

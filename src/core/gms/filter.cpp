@@ -106,8 +106,8 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
   }
 }
 
-/// Where the options leave the grid to the number of matches: a cell has as many as with 1000 on
-/// the paper's grid.
+/// Sets the grid by the number of matches where the options leave it open: on average a cell has as
+/// many as the paper's 20 x 20 grid has with 1000 matches.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
   constexpr double kMatchesPerCell = 2.5;

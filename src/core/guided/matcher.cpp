@@ -29,7 +29,7 @@ struct GuidedMatcher::Impl {
   knn::KnnKernel kernel = knn::bestKnnKernel();
   std::vector<cv::Point2f> places;       // predicted positions of the reference's keypoints
   knn::NearTable table;                  // their table
-  std::vector<knn::NearKeys> of_target;  // for each target keypoint the nearest two references
+  std::vector<knn::NearKeys> of_target;  // of the nearest two, for each target keypoint
   // For each column of the table, the key of the nearest target keypoint.
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
