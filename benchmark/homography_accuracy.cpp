@@ -16,9 +16,6 @@
 #include <string>
 #include <vector>
 
-#include "core/util/constants.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/random.h"
 #include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
@@ -26,6 +23,9 @@
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
 #include "support.h"
+#include "util/constants.h"
+#include "util/keypoint_position.h"
+#include "util/random.h"
 
 namespace ktgp_orb {
 namespace {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <new>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb::bag {
 namespace {

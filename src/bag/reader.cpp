@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <iterator>
 
-#include "core/util/format.h"
 #include "messages/image_conversion.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

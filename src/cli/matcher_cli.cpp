@@ -11,7 +11,7 @@
 
 #include "cli/parameter_file.h"
 #include "core/homography/transform.h"
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -1,7 +1,7 @@
 // The vector code of all stages: compiled once for each instruction set, one of which is chosen at
 // run time.
 #include "core/kernels.h"
-#include "core/util/highway_targets.h"
+#include "util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/dispatch.cpp"

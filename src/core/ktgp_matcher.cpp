@@ -9,10 +9,10 @@
 #include "core/growth/verdict.h"
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/milliseconds.h"
-#include "core/util/names.h"
-#include "core/util/reset_keeping.h"
+#include "util/keypoint_position.h"
+#include "util/milliseconds.h"
+#include "util/names.h"
+#include "util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {

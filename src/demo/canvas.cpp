@@ -5,7 +5,7 @@
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/util/divide.h"
+#include "util/divide.h"
 
 namespace ktgp_orb::demo {
 namespace {

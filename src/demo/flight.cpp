@@ -5,8 +5,8 @@
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/util/constants.h"
 #include "demo/map.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -6,8 +6,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/util/constants.h"
 #include "demo/landscape.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::demo {
 namespace {

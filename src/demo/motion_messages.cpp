@@ -7,9 +7,9 @@
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
 
-#include "core/util/constants.h"
 #include "demo/effects.h"
 #include "motion/camera_pose.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::demo {
 namespace {

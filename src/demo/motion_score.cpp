@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -9,12 +9,12 @@
 #include <opencv2/imgproc.hpp>
 #include <sstream>
 
-#include "core/util/constants.h"
 #include "demo/canvas.h"
 #include "demo/flight.h"
 #include "demo/landscape.h"
 #include "files/output_file.h"
 #include "messages/pose_message.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -10,8 +10,8 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
-#include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
+#include "util/constants.h"
 
 // OpenCV 4.5.1's MAGSAC++ crashes on few or coincident points; 4.6's does not.
 #define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))

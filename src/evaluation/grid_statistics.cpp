@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "core/util/keypoint_position.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::tools {
 namespace {

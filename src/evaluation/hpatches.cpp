@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "core/util/format.h"
 #include "evaluation/peers.h"
+#include "util/format.h"
 
 namespace ktgp_orb::tools::hpatches {
 namespace {

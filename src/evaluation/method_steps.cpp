@@ -5,9 +5,9 @@
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
-#include "core/util/keypoint_position.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ratio_filter.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::tools {
 namespace {

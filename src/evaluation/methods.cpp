@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "core/util/milliseconds.h"
+#include "util/milliseconds.h"
 
 namespace ktgp_orb::tools {
 namespace {

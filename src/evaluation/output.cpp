@@ -5,9 +5,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "core/util/format.h"
 #include "files/csv.h"
 #include "ktgp_orb/evaluation.h"
+#include "util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -9,10 +9,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/homography/transform.h"
-#include "core/util/milliseconds.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
 #include "files/input.h"
+#include "util/milliseconds.h"
 
 namespace ktgp_orb::tools {
 namespace {

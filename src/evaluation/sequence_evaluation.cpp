@@ -3,8 +3,8 @@
 #include <chrono>
 #include <limits>
 
-#include "core/util/milliseconds.h"
 #include "ktgp_orb/evaluation.h"
+#include "util/milliseconds.h"
 
 namespace ktgp_orb::tools {
 

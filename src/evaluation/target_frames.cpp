@@ -15,10 +15,10 @@
 #include <utility>
 
 #include "core/homography/transform.h"
-#include "core/util/format.h"
 #include "files/input.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
+#include "util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -17,15 +17,15 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "core/util/format.h"
-#include "core/util/geometry.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "util/format.h"
+#include "util/geometry.h"
+#include "util/keypoint_position.h"
+#include "util/milliseconds.h"
 
 #define KTGP_ORB_HAVE_MAGSAC \
   (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))

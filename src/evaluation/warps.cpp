@@ -6,9 +6,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/util/constants.h"
-#include "core/util/random.h"
 #include "evaluation/rendering.h"
+#include "util/constants.h"
+#include "util/random.h"
 
 namespace ktgp_orb::tools {
 namespace {

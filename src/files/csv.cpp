@@ -1,6 +1,6 @@
 #include "files/csv.h"
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb::files {
 

@@ -9,8 +9,8 @@
 #include <system_error>
 #include <vector>
 
-#include "core/util/grey_levels.h"
-#include "core/util/printable.h"
+#include "util/grey_levels.h"
+#include "util/printable.h"
 
 namespace ktgp_orb::files {
 namespace {

@@ -6,8 +6,8 @@
 #include <opencv2/core/eigen.hpp>
 #include <stdexcept>
 
-#include "core/util/format.h"
 #include "ktgp_orb/two_view.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

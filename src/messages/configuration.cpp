@@ -2,8 +2,8 @@
 
 #include <stdexcept>
 
-#include "core/util/format.h"
-#include "core/util/options_check.h"
+#include "util/format.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 

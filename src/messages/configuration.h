@@ -9,11 +9,11 @@
 #include <cstdint>
 #include <string>
 
-#include "core/util/grey_levels.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "messages/frame_maker.h"
 #include "parameters/options.h"
+#include "util/grey_levels.h"
 
 namespace ktgp_orb {
 

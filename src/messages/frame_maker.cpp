@@ -6,8 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "core/util/format.h"
-#include "core/util/shared_matrix.h"
+#include "util/format.h"
+#include "util/shared_matrix.h"
 
 namespace ktgp_orb {
 namespace {

@@ -7,11 +7,11 @@
 #include <optional>
 #include <string>
 
-#include "core/util/grey_levels.h"
-#include "core/util/pool.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
+#include "util/grey_levels.h"
+#include "util/pool.h"
 
 namespace ktgp_orb {
 

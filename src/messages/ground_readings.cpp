@@ -8,11 +8,11 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "core/util/constants.h"
-#include "core/util/format.h"
 #include "messages/answer_message.h"
 #include "messages/pose_message.h"
 #include "motion/rows.h"
+#include "util/constants.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "util/grey_levels.h"
 
 namespace ktgp_orb {
 

@@ -8,11 +8,11 @@
 #include <limits>
 #include <utility>
 
-#include "core/util/keypoint_position.h"
-#include "core/util/names.h"
 #include "ktgp_orb/evaluation.h"
 #include "messages/answer_message.h"
 #include "messages/image_conversion.h"
+#include "util/keypoint_position.h"
+#include "util/names.h"
 
 namespace ktgp_orb {
 namespace {

@@ -8,10 +8,10 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/util/format.h"
-#include "core/util/keypoint_position.h"
 #include "messages/answer_message.h"
 #include "messages/pose_message.h"
+#include "util/format.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {

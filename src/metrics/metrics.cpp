@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/util/keypoint_position.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::evaluation {
 namespace {

@@ -4,8 +4,8 @@
 #include <tuple>
 #include <utility>
 
-#include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::evaluation {
 namespace {

@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "core/homography/transform.h"
-#include "core/util/names.h"
-#include "core/util/options_check.h"
 #include "ktgp_orb/frame_path.h"
 #include "metrics/repetition.h"
 #include "mosaic/keyframes.h"
 #include "mosaic/tile_map.h"
+#include "util/names.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "core/util/geometry.h"
+#include "util/geometry.h"
 
 namespace ktgp_orb::motion {
 

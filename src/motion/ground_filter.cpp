@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "core/util/constants.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::motion {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <optional>
 
-#include "core/util/small_matrix.h"
 #include "motion/noise.h"
 #include "motion/rows.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::motion {
 

@@ -6,11 +6,11 @@
 #include <limits>
 #include <string>
 
-#include "core/util/constants.h"
-#include "core/util/format.h"
-#include "core/util/small_matrix.h"
 #include "motion/camera_pose.h"
 #include "motion/rows.h"
+#include "util/constants.h"
+#include "util/format.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::motion {
 namespace {

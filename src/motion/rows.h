@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 
-#include "core/util/geometry.h"
 #include "ktgp_orb/ground_motion.h"
 #include "motion/camera_pose.h"
+#include "util/geometry.h"
 
 namespace ktgp_orb::motion {
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/util/names.h"
+#include "util/names.h"
 
 namespace ktgp_orb {
 namespace motion {

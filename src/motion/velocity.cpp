@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/util/small_matrix.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::motion {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "core/util/milliseconds.h"
-#include "core/util/printable.h"
+#include "util/milliseconds.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {

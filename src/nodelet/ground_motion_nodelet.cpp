@@ -15,10 +15,10 @@
 #include <string>
 #include <utility>
 
-#include "core/util/format.h"
 #include "messages/ground_readings.h"
 #include "messages/pose_message.h"
 #include "nodelet/image_node.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

@@ -15,13 +15,13 @@
 #include <utility>
 #include <vector>
 
-#include "core/util/printable.h"
 #include "nodelet/callback_thread.h"
 #include "nodelet/diagnosis.h"
 #include "nodelet/input.h"
 #include "nodelet/outputs.h"
 #include "nodelet/parameters.h"
 #include "nodelet/worker.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <utility>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

@@ -6,12 +6,12 @@
 #include <chrono>
 #include <deque>
 
-#include "core/util/format.h"
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

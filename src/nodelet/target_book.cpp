@@ -12,8 +12,8 @@
 #include <set>
 #include <stdexcept>
 
-#include "core/util/printable.h"
 #include "messages/image_conversion.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {

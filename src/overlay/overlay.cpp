@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "core/homography/transform.h"
-#include "core/util/format.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/names.h"
 #include "overlay/canvas.h"
+#include "util/format.h"
+#include "util/keypoint_position.h"
+#include "util/names.h"
 
 namespace ktgp_orb {
 namespace overlay {

@@ -6,7 +6,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "core/util/format.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

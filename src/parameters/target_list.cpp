@@ -9,8 +9,8 @@
 #include <set>
 #include <stdexcept>
 
-#include "core/util/printable.h"
 #include "files/input.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {

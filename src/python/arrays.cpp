@@ -6,8 +6,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/util/format.h"
-#include "core/util/grey_levels.h"
+#include "util/format.h"
+#include "util/grey_levels.h"
 
 namespace ktgp_orb::python {
 namespace {

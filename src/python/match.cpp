@@ -7,12 +7,12 @@
 #include <tuple>
 
 #include "core/two_view/cameras.h"
-#include "core/util/pool.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
 #include "python/shared.h"
+#include "util/pool.h"
 
 namespace ktgp_orb::python {
 namespace {

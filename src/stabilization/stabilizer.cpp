@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/homography/transform.h"
-#include "core/util/options_check.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

@@ -11,15 +11,15 @@
 #include <utility>
 
 #include "core/homography/transform.h"
-#include "core/util/format.h"
-#include "core/util/milliseconds.h"
-#include "core/util/options_check.h"
-#include "core/util/printable.h"
 #include "targets/conflicts.h"
 #include "targets/frame_search.h"
 #include "targets/searched_frame.h"
 #include "targets/target_store.h"
 #include "targets/tracks.h"
+#include "util/format.h"
+#include "util/milliseconds.h"
+#include "util/options_check.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "core/util/format.h"
-#include "core/util/printable.h"
 #include "targets/conflicts.h"
+#include "util/format.h"
+#include "util/printable.h"
 
 namespace ktgp_orb::targets {
 namespace {

@@ -1,7 +1,7 @@
 // The vector code of the votes: compiled once for each instruction set, one of which is chosen at
 // run time. See core/dispatch.cpp.
-#include "core/util/highway_targets.h"
 #include "targets/vote_kernel.h"
+#include "util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "targets/vote_dispatch.cpp"

@@ -8,8 +8,6 @@
 #include <stdexcept>
 
 #include "cli/matcher_cli.h"
-#include "core/util/format.h"
-#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "messages/image_conversion.h"
@@ -17,6 +15,8 @@
 #include "parameters/parameters.h"
 #include "stabilization/steady_path.h"
 #include "tools/bag_writer.h"
+#include "util/format.h"
+#include "util/milliseconds.h"
 
 namespace ktgp_orb {
 namespace {

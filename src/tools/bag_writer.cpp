@@ -5,11 +5,11 @@
 #include <stdexcept>
 
 #include "core/homography/transform.h"
-#include "core/util/format.h"
 #include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
 #include "ktgp_orb/two_view.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {

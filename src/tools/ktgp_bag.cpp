@@ -22,8 +22,6 @@
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
 #include "cli/video_file.h"
-#include "core/util/format.h"
-#include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
@@ -37,6 +35,8 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
+#include "util/format.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {

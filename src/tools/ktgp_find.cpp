@@ -5,12 +5,12 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/target_finder.h"
 #include "parameters/target_list.h"
+#include "util/printable.h"
 
 namespace ktgp_orb::tools {
 namespace {

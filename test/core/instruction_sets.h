@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/util/highway_targets.h"
+#include "util/highway_targets.h"
 
 #include <hwy/targets.h>
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/util/keypoint_position.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::test {
 

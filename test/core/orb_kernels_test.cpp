@@ -12,9 +12,9 @@
 
 #include "core/orb/detector.h"
 #include "core/orb/pyramid.h"
-#include "core/util/constants.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::orb {
 namespace {

@@ -1,6 +1,6 @@
 // The thread pool; 16-bit grey values as 8-bit ones; small matrices against Eigen's matrices of any
 // size, on random numbers.
-#include "core/util/thread_pool.h"
+#include "util/thread_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "allocation_counter.h"
-#include "core/util/grey_levels.h"
-#include "core/util/small_matrix.h"
+#include "util/grey_levels.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::util {
 namespace {

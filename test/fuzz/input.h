@@ -18,9 +18,9 @@
 #include <string>
 #include <vector>
 
-#include "core/util/random.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "util/random.h"
 
 /// Common code of the fuzz targets. The bytes from libFuzzer first choose sizes and options; large
 /// data (images, descriptors) is generated from a seed and the remaining bytes.

@@ -8,9 +8,9 @@
 #include "core/alignment/spread.h"
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/names.h"
-#include "core/util/options_check.h"
+#include "util/keypoint_position.h"
+#include "util/names.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

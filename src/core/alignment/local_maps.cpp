@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/util/constants.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::alignment {
 namespace {

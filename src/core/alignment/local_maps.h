@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/util/cell_grid.h"
+#include "util/cell_grid.h"
 
 namespace ktgp_orb::alignment {
 

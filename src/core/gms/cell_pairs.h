@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/util/buckets.h"
+#include "util/buckets.h"
 
 namespace ktgp_orb::gms {
 

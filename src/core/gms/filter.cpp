@@ -6,8 +6,8 @@
 #include <cstdint>
 
 #include "core/gms/cell_pairs.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/options_check.h"
+#include "util/keypoint_position.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

@@ -12,8 +12,8 @@
 #include "core/growth/votes.h"
 #include "core/homography/fit.h"
 #include "core/homography/verdict.h"
-#include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace growth {

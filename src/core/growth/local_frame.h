@@ -9,8 +9,8 @@
 #include <opencv2/core/types.hpp>
 
 #include "core/growth/alike_kernel.h"
-#include "core/util/constants.h"
 #include "ktgp_orb/features.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::growth {
 

@@ -8,8 +8,8 @@
 
 #include "core/growth/alike_kernel.h"
 #include "core/growth/local_frame.h"
-#include "core/util/cell_grid.h"
 #include "ktgp_orb/features.h"
+#include "util/cell_grid.h"
 
 namespace ktgp_orb::growth {
 

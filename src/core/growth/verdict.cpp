@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/util/constants.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::growth {
 namespace {

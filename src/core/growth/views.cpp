@@ -5,9 +5,9 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/util/constants.h"
-#include "core/util/options_check.h"
 #include "ktgp_orb/growth.h"
+#include "util/constants.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

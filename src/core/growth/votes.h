@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/growth/local_frame.h"
-#include "core/util/cell_grid.h"
+#include "util/cell_grid.h"
 
 namespace ktgp_orb::growth {
 

@@ -7,8 +7,8 @@
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/knn/near_search.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/options_check.h"
+#include "util/keypoint_position.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

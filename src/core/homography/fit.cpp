@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "core/util/keypoint_position.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::homography {
 

@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/util/divide.h"
+#include "util/divide.h"
 
 namespace ktgp_orb::homography {
 

@@ -7,8 +7,8 @@
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
-#include "core/util/options_check.h"
-#include "core/util/reset_keeping.h"
+#include "util/options_check.h"
+#include "util/reset_keeping.h"
 
 namespace ktgp_orb {
 /// Search, fit and verdict, with their buffers.

@@ -10,8 +10,8 @@
 
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
-#include "core/util/constants.h"
-#include "core/util/divide.h"
+#include "util/constants.h"
+#include "util/divide.h"
 
 namespace ktgp_orb::homography {
 namespace {

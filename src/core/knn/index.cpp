@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "core/knn/kernel.h"
-#include "core/util/divide.h"
+#include "util/divide.h"
 
 namespace ktgp_orb::knn {
 namespace {

@@ -3,8 +3,8 @@
 
 #include "core/knn/near_search.h"
 #include "core/knn/search.h"
-#include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 struct KnnMatcher::Impl {

@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/util/divide.h"
-#include "core/util/keypoint_position.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "util/divide.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb::knn {
 namespace {

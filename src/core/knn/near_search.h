@@ -9,10 +9,10 @@
 
 #include "core/knn/index.h"
 #include "core/knn/kernel.h"
-#include "core/util/cell_grid.h"
-#include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
+#include "util/cell_grid.h"
+#include "util/thread_pool.h"
 
 namespace ktgp_orb::knn {
 

@@ -4,8 +4,8 @@
 #include <atomic>
 #include <cstddef>
 
-#include "core/util/divide.h"
 #include "ktgp_orb/features.h"
+#include "util/divide.h"
 
 namespace ktgp_orb::knn {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "core/knn/index.h"
 #include "core/knn/kernel.h"
-#include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
+#include "util/thread_pool.h"
 
 namespace ktgp_orb::knn {
 

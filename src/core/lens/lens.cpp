@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/util/options_check.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

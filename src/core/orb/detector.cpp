@@ -4,7 +4,7 @@
 #include <cfloat>
 #include <cmath>
 
-#include "core/util/constants.h"
+#include "util/constants.h"
 
 namespace ktgp_orb::orb {
 namespace {

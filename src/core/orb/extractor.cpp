@@ -5,8 +5,8 @@
 
 #include "core/orb/kernels.h"
 #include "core/orb/pipeline.h"
-#include "core/util/format.h"
-#include "core/util/options_check.h"
+#include "util/format.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb {
 namespace {

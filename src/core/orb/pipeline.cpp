@@ -6,9 +6,9 @@
 #include <opencv2/features2d.hpp>
 #include <utility>
 
-#include "core/util/constants.h"
-#include "core/util/divide.h"
-#include "core/util/shared_matrix.h"
+#include "util/constants.h"
+#include "util/divide.h"
+#include "util/shared_matrix.h"
 
 namespace ktgp_orb::orb {
 namespace {

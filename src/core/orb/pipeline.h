@@ -8,9 +8,9 @@
 #include "core/orb/pyramid.h"
 #include "core/orb/teblid.h"
 #include "core/orb/uniform.h"
-#include "core/util/thread_pool.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "util/thread_pool.h"
 
 namespace ktgp_orb::orb {
 

@@ -5,8 +5,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/util/divide.h"
-#include "core/util/shared_matrix.h"
+#include "util/divide.h"
+#include "util/shared_matrix.h"
 
 namespace ktgp_orb::orb {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/orb/kernels.h"
-#include "core/util/buckets.h"
+#include "util/buckets.h"
 
 namespace ktgp_orb::orb {
 

@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "core/homography/transform.h"
-#include "core/util/constants.h"
-#include "core/util/geometry.h"
-#include "core/util/options_check.h"
-#include "core/util/small_matrix.h"
+#include "util/constants.h"
+#include "util/geometry.h"
+#include "util/options_check.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb {
 namespace {

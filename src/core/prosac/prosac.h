@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/util/random.h"
+#include "util/random.h"
 
 namespace ktgp_orb::prosac {
 

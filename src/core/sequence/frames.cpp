@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "core/util/shared_matrix.h"
+#include "util/shared_matrix.h"
 
 namespace ktgp_orb::sequence {
 namespace {

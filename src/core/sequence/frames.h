@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "core/util/pool.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "util/pool.h"
 
 namespace ktgp_orb::sequence {
 

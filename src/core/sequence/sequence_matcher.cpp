@@ -9,8 +9,8 @@
 #include "core/sequence/frames.h"
 #include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
-#include "core/util/milliseconds.h"
-#include "core/util/names.h"
+#include "util/milliseconds.h"
+#include "util/names.h"
 
 namespace ktgp_orb {
 namespace {

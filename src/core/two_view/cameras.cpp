@@ -7,9 +7,9 @@
 
 #include "core/homography/transform.h"
 #include "core/two_view/epipolar.h"
-#include "core/util/constants.h"
-#include "core/util/format.h"
-#include "core/util/options_check.h"
+#include "util/constants.h"
+#include "util/format.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb::two_view {
 namespace {

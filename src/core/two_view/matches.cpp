@@ -4,8 +4,8 @@
 #include "core/alignment/local_maps.h"
 #include "core/alignment/patch_aligner.h"
 #include "core/two_view/cameras.h"
-#include "core/util/keypoint_position.h"
 #include "ktgp_orb/two_view.h"
+#include "util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/util/geometry.h"
 #include "ktgp_orb/two_view.h"
+#include "util/geometry.h"
 
 namespace ktgp_orb::two_view {
 

@@ -12,10 +12,10 @@
 #include "core/two_view/epipolar.h"
 #include "core/two_view/motions.h"
 #include "core/two_view/support.h"
-#include "core/util/constants.h"
-#include "core/util/names.h"
-#include "core/util/options_check.h"
-#include "core/util/reset_keeping.h"
+#include "util/constants.h"
+#include "util/names.h"
+#include "util/options_check.h"
+#include "util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {

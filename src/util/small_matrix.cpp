@@ -1,4 +1,4 @@
-#include "core/util/small_matrix.h"
+#include "util/small_matrix.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>

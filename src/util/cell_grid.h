@@ -6,7 +6,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-#include "core/util/buckets.h"
+#include "util/buckets.h"
 
 namespace ktgp_orb::util {
 

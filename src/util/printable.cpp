@@ -1,4 +1,4 @@
-#include "core/util/printable.h"
+#include "util/printable.h"
 
 #include <cstdio>
 

@@ -1,10 +1,10 @@
-#include "core/util/thread_pool.h"
+#include "util/thread_pool.h"
 
 #include <algorithm>
 #include <chrono>
 #include <utility>
 
-#include "core/util/options_check.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb::util {
 namespace {

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "core/util/format.h"
-#include "core/util/keypoint_position.h"
-#include "core/util/names.h"
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/status.h"
+#include "util/format.h"
+#include "util/keypoint_position.h"
+#include "util/names.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "core/util/grey_levels.h"
+#include "util/grey_levels.h"
 
 #include <cstdint>
 #include <utility>
