@@ -24,8 +24,8 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/fit.h"
 #include "evaluation/warps.h"
+#include "homography/fit.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"

@@ -32,7 +32,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"

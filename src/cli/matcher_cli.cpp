@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "cli/parameter_file.h"
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "util/format.h"
 
 namespace ktgp_orb::tools {

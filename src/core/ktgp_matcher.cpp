@@ -7,8 +7,8 @@
 #include <string_view>
 
 #include "core/growth/verdict.h"
-#include "core/homography/transform.h"
-#include "core/homography/verdict.h"
+#include "homography/transform.h"
+#include "homography/verdict.h"
 #include "util/keypoint_position.h"
 #include "util/milliseconds.h"
 #include "util/names.h"

@@ -8,10 +8,10 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "core/homography/transform.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
 #include "files/input.h"
+#include "homography/transform.h"
 #include "util/milliseconds.h"
 
 namespace ktgp_orb::tools {

@@ -14,8 +14,8 @@
 #include <system_error>
 #include <utility>
 
-#include "core/homography/transform.h"
 #include "files/input.h"
+#include "homography/transform.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
 #include "util/format.h"

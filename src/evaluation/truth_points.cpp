@@ -10,8 +10,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "core/homography/transform.h"
 #include "files/input.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::tools {
 

@@ -6,7 +6,7 @@
 #include <boost/array.hpp>
 #include <optional>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/fit.h"
+#include "homography/fit.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
 #include "messages/camera.h"

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::mosaic {
 namespace {

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/frame_path.h"
 #include "metrics/repetition.h"
 #include "mosaic/keyframes.h"

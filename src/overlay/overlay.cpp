@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "overlay/canvas.h"
 #include "util/format.h"
 #include "util/keypoint_position.h"

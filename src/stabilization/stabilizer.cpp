@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "util/options_check.h"
 
 namespace ktgp_orb {

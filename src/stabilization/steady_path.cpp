@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 #ifdef KTGP_ORB_HAVE_CLP
 #include <Clp_C_Interface.h>

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "metrics/repetition.h"
 #include "targets/appearance.h"
 #include "targets/picture_aligner.h"

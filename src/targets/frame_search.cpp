@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {

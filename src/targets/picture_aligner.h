@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/alignment/patch_aligner.h"
-#include "core/homography/fit.h"
+#include "homography/fit.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "targets/target_picture.h"
 

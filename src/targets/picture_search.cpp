@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/growth/map_fit.h"
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {

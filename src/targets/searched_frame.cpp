@@ -4,7 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {

@@ -10,7 +10,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "targets/conflicts.h"
 #include "targets/frame_search.h"
 #include "targets/searched_frame.h"

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/growth.h"
 
 namespace ktgp_orb::targets {

@@ -4,7 +4,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {

@@ -4,8 +4,8 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "core/homography/transform.h"
 #include "files/csv.h"
+#include "homography/transform.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
 #include "ktgp_orb/two_view.h"

@@ -11,11 +11,11 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "core/homography/transform.h"
 #include "core/two_view/cameras.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
+#include "homography/transform.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"

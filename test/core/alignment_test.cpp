@@ -14,7 +14,7 @@
 #include "alignment_scene.h"
 #include "core/alignment/kernels.h"
 #include "core/alignment/spread.h"
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/evaluation.h"
 #include "synthetic_pairs.h"

@@ -1,4 +1,4 @@
-#include "core/homography/fit.h"
+#include "homography/fit.h"
 
 #include <gtest/gtest.h>
 
@@ -14,12 +14,12 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/m_estimator.h"
-#include "core/homography/point_pairs.h"
-#include "core/homography/smooth_field.h"
-#include "core/homography/transform.h"
-#include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
+#include "homography/m_estimator.h"
+#include "homography/point_pairs.h"
+#include "homography/smooth_field.h"
+#include "homography/transform.h"
+#include "homography/verdict.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {

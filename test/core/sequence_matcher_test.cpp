@@ -16,8 +16,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/homography/transform.h"
 #include "core/sequence/motion_predictor.h"
+#include "homography/transform.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/frame_path.h"
 #include "moving_view.h"

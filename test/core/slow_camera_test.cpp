@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "alignment_scene.h"
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "ktgp_orb/stabilizer.h"

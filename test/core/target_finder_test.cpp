@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "refusal.h"
 #include "target_world.h"
 #include "targets/conflicts.h"

@@ -25,11 +25,11 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/transform.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
 #include "ground_flight.h"
+#include "homography/transform.h"
 #include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "motion/camera_pose.h"

@@ -6,8 +6,8 @@
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
-#include "core/homography/fit.h"
-#include "core/homography/transform.h"
+#include "homography/fit.h"
+#include "homography/transform.h"
 #include "util/keypoint_position.h"
 #include "util/names.h"
 #include "util/options_check.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::alignment {
 namespace {

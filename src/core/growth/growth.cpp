@@ -10,8 +10,8 @@
 #include "core/growth/reference_frames.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
-#include "core/homography/fit.h"
-#include "core/homography/verdict.h"
+#include "homography/fit.h"
+#include "homography/verdict.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "util/options_check.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "core/homography/point_pairs.h"
+#include "homography/point_pairs.h"
 
 namespace ktgp_orb::growth {
 namespace {

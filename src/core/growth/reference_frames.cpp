@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::growth {
 namespace {

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/homography/fit.h"
-#include "core/homography/transform.h"
 #include "core/knn/near_search.h"
+#include "homography/fit.h"
+#include "homography/transform.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
 

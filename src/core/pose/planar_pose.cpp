@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "util/constants.h"
 #include "util/geometry.h"
 #include "util/options_check.h"

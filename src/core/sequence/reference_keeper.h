@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb::sequence {

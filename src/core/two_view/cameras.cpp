@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/transform.h"
 #include "core/two_view/epipolar.h"
+#include "homography/transform.h"
 #include "util/constants.h"
 #include "util/format.h"
 #include "util/options_check.h"

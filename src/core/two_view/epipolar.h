@@ -6,10 +6,10 @@
 #include <optional>
 #include <vector>
 
-#include "core/homography/point_pairs.h"
 #include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/solvers.h"
+#include "homography/point_pairs.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::two_view {

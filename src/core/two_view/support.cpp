@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/verdict.h"
+#include "homography/verdict.h"
 
 namespace ktgp_orb::two_view {
 namespace {

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <limits>
 
-#include "core/homography/smooth_field.h"
-#include "core/homography/transform.h"
-#include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/motions.h"
 #include "core/two_view/support.h"
+#include "homography/smooth_field.h"
+#include "homography/transform.h"
+#include "homography/verdict.h"
 #include "util/constants.h"
 #include "util/names.h"
 #include "util/options_check.h"

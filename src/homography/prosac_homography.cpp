@@ -4,9 +4,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "core/homography/fit.h"
-#include "core/homography/transform.h"
-#include "core/homography/verdict.h"
+#include "homography/fit.h"
+#include "homography/transform.h"
+#include "homography/verdict.h"
 #include "util/options_check.h"
 #include "util/reset_keeping.h"
 

@@ -1,4 +1,4 @@
-#include "core/homography/transform.h"
+#include "homography/transform.h"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "core/homography/fit.h"
+#include "homography/fit.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "core/homography/verdict.h"
+#include "homography/verdict.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/fit.h"
-#include "core/homography/transform.h"
+#include "homography/fit.h"
+#include "homography/transform.h"
 #include "util/constants.h"
 #include "util/divide.h"
 

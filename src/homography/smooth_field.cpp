@@ -1,4 +1,4 @@
-#include "core/homography/smooth_field.h"
+#include "homography/smooth_field.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

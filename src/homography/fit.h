@@ -7,11 +7,11 @@
 #include <tuple>
 #include <vector>
 
-#include "core/homography/m_estimator.h"
-#include "core/homography/point_pairs.h"
-#include "core/homography/smooth_field.h"
-#include "core/homography/transform.h"
 #include "core/prosac/prosac.h"
+#include "homography/m_estimator.h"
+#include "homography/point_pairs.h"
+#include "homography/smooth_field.h"
+#include "homography/transform.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/status.h"
 
@@ -76,7 +76,7 @@ struct EvidenceOptions {
   bool by_cell = false;
 };
 
-/// The homography of maximum likelihood (core/homography/m_estimator.h) over all pairs that it may
+/// The homography of maximum likelihood (homography/m_estimator.h) over all pairs that it may
 /// explain, and its uncertainty. Keeps its buffers.
 class HomographyFit {
  public:

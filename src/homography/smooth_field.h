@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/point_pairs.h"
+#include "homography/point_pairs.h"
 
 namespace ktgp_orb::homography {
 

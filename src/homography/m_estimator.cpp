@@ -1,4 +1,4 @@
-#include "core/homography/m_estimator.h"
+#include "homography/m_estimator.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
