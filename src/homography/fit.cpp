@@ -61,7 +61,7 @@ std::size_t findInliers(const FloatPoints& points, const Eigen::Matrix3d& homogr
       limit, [&](std::size_t first) { return squaredErrors(points, h, first); }, inlier);
 }
 
-bool HomographyProblem::solve(const prosac::ProsacSample& sample,
+bool HomographyProblem::solve(const estimation::ProsacSample& sample,
                               Eigen::Matrix3d& homography) const {
   const PointArrays<double>& p = pairs_->refinement;
   FourPoints from;

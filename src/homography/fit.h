@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "core/prosac/prosac.h"
+#include "estimation/prosac.h"
 #include "homography/m_estimator.h"
 #include "homography/point_pairs.h"
 #include "homography/smooth_field.h"
@@ -27,7 +27,7 @@ float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homograp
 std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d& homography,
                         double limit, std::vector<std::uint8_t>& inlier);
 
-/// A homography between normalised coordinates as prosac::ProsacSearch looks for it. Keeps its
+/// A homography between normalised coordinates as estimation::ProsacSearch looks for it. Keeps its
 /// buffers.
 class HomographyProblem {
  public:
@@ -40,7 +40,7 @@ class HomographyProblem {
   std::size_t size() const { return pairs_->size(); }
 
   template <typename Visit>
-  void solve(const prosac::ProsacSample& sample, Visit visit) const {
+  void solve(const estimation::ProsacSample& sample, Visit visit) const {
     Eigen::Matrix3d homography;
     if (solve(sample, homography)) visit(homography);
   }
@@ -55,7 +55,7 @@ class HomographyProblem {
   }
 
  private:
-  bool solve(const prosac::ProsacSample& sample, Eigen::Matrix3d& homography) const;
+  bool solve(const estimation::ProsacSample& sample, Eigen::Matrix3d& homography) const;
 
   const NormalisedPairs* pairs_ = nullptr;
   std::vector<std::uint8_t> near_;  // pairs used by refine()

@@ -14,10 +14,10 @@ namespace ktgp_orb {
 /// Search, fit and verdict, with their buffers.
 struct ProsacHomography::Impl {
   ProsacOptions options;
-  prosac::QualityOrder order;
+  estimation::QualityOrder order;
   homography::NormalisedPairs normalised;
   homography::HomographyProblem problem;
-  prosac::ProsacSearch<homography::HomographyProblem> search;
+  estimation::ProsacSearch<homography::HomographyProblem> search;
   homography::HomographyFit fit;
   homography::HomographyVerdict verdict;
 
@@ -33,7 +33,7 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   order.sort(pairs.quality);
   const auto by_quality = [this](std::size_t place) { return order[place]; };
   normalised.load(pairs.reference, pairs.target, by_quality, options.max_error);
-  prosac::ProsacRules rules{options.max_iterations, options.confidence};
+  estimation::ProsacRules rules{options.max_iterations, options.confidence};
   rules.chance_inlier =
       homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
   rules.seed = options.seed;

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "core/prosac/prosac.h"
+#include "estimation/prosac.h"
 #include "homography/m_estimator.h"
 #include "homography/point_pairs.h"
 #include "homography/smooth_field.h"
@@ -604,9 +604,9 @@ TEST(SmoothField, IsZeroForTooFewPairs) {
 
 // The search for a homography, and the number of false alarms of the verdict.
 
-using prosac::ProsacRules;
+using estimation::ProsacRules;
 
-using Search = prosac::ProsacSearch<HomographyProblem>;
+using Search = estimation::ProsacSearch<HomographyProblem>;
 
 /// Pairs in random order of quality; `inliers` of 300 agree with the homography.
 NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d& truth) {
@@ -614,7 +614,7 @@ NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d
   const PointPairs pairs =
       test::makePairs({300, inliers, truth, test::Order::random, 0.3}, numbers);
   NormalisedPairs normalised;
-  prosac::QualityOrder order;
+  estimation::QualityOrder order;
   order.sort(pairs.quality);
   normalised.load(
       pairs.reference, pairs.target, [&](std::size_t i) { return order[i]; }, 3.0);
@@ -697,7 +697,7 @@ struct Mean {
 
   std::size_t size() const { return values.size(); }
   template <typename Visit>
-  void solve(const prosac::ProsacSample& sample, Visit visit) {
+  void solve(const estimation::ProsacSample& sample, Visit visit) {
     double mean = 0.0;
     int near = 0;
     for (const std::size_t i : sample) {
@@ -725,7 +725,7 @@ TEST(ProsacSearch, AlsoSamplesFromTheInliersAndCountsThat) {
   Mean problem;  // the right numbers come last
   for (int i = 0; i < 75; ++i) problem.values.push_back(1e3 * numbers.normal());
   for (int i = 0; i < 25; ++i) problem.values.push_back(0.1 * numbers.normal());
-  prosac::ProsacSearch<Mean> search;
+  estimation::ProsacSearch<Mean> search;
   ProsacRules rules;
   rules.max_iterations = 5000;
   rules.confidence = 1.0 - 1e-9;
@@ -738,7 +738,7 @@ TEST(ProsacSearch, AlsoSamplesFromTheInliersAndCountsThat) {
 TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
   Mean problem;
   problem.values.assign(100, 0.0);
-  prosac::ProsacSearch<Mean> search;
+  estimation::ProsacSearch<Mean> search;
   ProsacRules rules;
   for (const int fewest : {0, 40}) {
     problem.samples = 0;

@@ -7,9 +7,9 @@
 #include <set>
 #include <utility>
 
-#include "core/prosac/prosac.h"
+#include "estimation/prosac.h"
 
-namespace ktgp_orb::prosac {
+namespace ktgp_orb::estimation {
 namespace {
 
 TEST(QualityOrder, IsThatOfTheNumbersAndOfTheInputWhereTheyAreEqual) {
@@ -201,4 +201,4 @@ TEST(ProsacStopping, ChanceSupportDoesNotStopIt) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::prosac
+}  // namespace ktgp_orb::estimation

@@ -22,10 +22,10 @@
 #include <vector>
 
 #include "core/alignment/local_maps.h"
-#include "core/prosac/prosac.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/solvers.h"
 #include "core/two_view/support.h"
+#include "estimation/prosac.h"
 #include "frame_pair.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
@@ -229,7 +229,7 @@ TEST(EpipolarPairs, DerivativesEqualDifferences) {
   Numbers numbers(4);
   for (const bool calibrated : {true, false}) {
     const World world(Shape::depth, numbers, 50, 0);
-    prosac::QualityOrder order;
+    estimation::QualityOrder order;
     order.sort(world.pairs.quality);
     EpipolarPairs pairs;
     pairs.load(world.pairs, order, 1.5,

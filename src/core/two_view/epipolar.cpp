@@ -68,7 +68,7 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
   return util::rotationAbout(rotation) * matrix;
 }
 
-void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& order,
+void EpipolarPairs::load(const PointPairs& pairs, const estimation::QualityOrder& order,
                          double max_error, const std::optional<Cameras>& cameras) {
   const auto by_quality = [&order](std::size_t place) { return order[place]; };
   NormalisedPairs::load(pairs.reference, pairs.target, by_quality, max_error, true);
@@ -178,7 +178,7 @@ float EpipolarProblem::cost(const Epipolar& model, float give_up) const {
 /// Chirality chooses the motion, and rejects solutions whose points are not in front of the
 /// cameras; without cameras, all epipolar lines must have the same orientation (Chum, Werner &
 /// Matas, ICPR 2004).
-void EpipolarProblem::solve(const prosac::ProsacSample& sample) {
+void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   models_.clear();
   Eigen::Matrix<double, 3, 7> reference;
   Eigen::Matrix<double, 3, 7> target;

@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
-#include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/solvers.h"
+#include "estimation/prosac.h"
 #include "homography/point_pairs.h"
 #include "ktgp_orb/prosac_homography.h"
 
@@ -29,7 +29,7 @@ struct Epipolar {
 class EpipolarPairs : public homography::NormalisedPairs {
  public:
   /// `max_error`: limit of the Sampson distance of an inlier, px; best quality first by `order`.
-  void load(const PointPairs& pairs, const prosac::QualityOrder& order, double max_error,
+  void load(const PointPairs& pairs, const estimation::QualityOrder& order, double max_error,
             const std::optional<Cameras>& cameras);
 
   bool calibrated() const { return calibrated_; }
@@ -78,9 +78,10 @@ Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 /// Turns by a small rotation vector.
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix);
 
-/// Models, cost and steps of an epipolar geometry for prosac::ProsacSearch; and its fit, maximum
-/// likelihood for Sampson distances with Student's t distribution of four degrees of freedom, as
-/// that of MEstimator for homographies. Works on the manifold of Epipolar. Keeps its buffers.
+/// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch; and its fit,
+/// maximum likelihood for Sampson distances with Student's t distribution of four degrees of
+/// freedom, as that of MEstimator for homographies. Works on the manifold of Epipolar. Keeps its
+/// buffers.
 class EpipolarProblem {
  public:
   using Model = Epipolar;
@@ -93,7 +94,7 @@ class EpipolarProblem {
   std::size_t size() const { return pairs_->size(); }
   std::size_t sampleSize() const { return static_cast<std::size_t>(pairs_->freedom()); }
   template <typename Visit>
-  void solve(const prosac::ProsacSample& sample, Visit visit) {
+  void solve(const estimation::ProsacSample& sample, Visit visit) {
     solve(sample);
     for (const Epipolar& model : models_) visit(model);
   }
@@ -127,7 +128,7 @@ class EpipolarProblem {
     double derivative = 0.0;  // of d(w e)/de
   };
 
-  void solve(const prosac::ProsacSample& sample);
+  void solve(const estimation::ProsacSample& sample);
   std::size_t findNear(const Epipolar& model, double limit, std::vector<std::uint8_t>& near) const;
   std::size_t select(const Epipolar& geometry, double reach, std::size_t most);
   bool isBehind(const RelativePose& motion, std::size_t i) const;

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/motions.h"
 #include "core/two_view/support.h"
+#include "estimation/prosac.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -61,10 +61,10 @@ struct TwoViewEstimator::Impl {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d rotation_covariance = Eigen::Matrix3d::Zero();
   std::optional<two_view::Cameras> cameras;
-  prosac::QualityOrder order;
+  estimation::QualityOrder order;
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
-  prosac::ProsacSearch<EpipolarProblem> search;
+  estimation::ProsacSearch<EpipolarProblem> search;
   EpipolarProblem fit;  // of the answer; startElsewhere() leaves it as it is
   Epipolar epipolar;
   two_view::Support support;
@@ -117,7 +117,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
 }
 
 bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& result) {
-  prosac::ProsacRules rules{options.max_iterations, options.confidence};
+  estimation::ProsacRules rules{options.max_iterations, options.confidence};
   // A strip of the limit on both sides of a line, in a square of the covered area.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);

@@ -9,7 +9,7 @@
 
 #include "util/random.h"
 
-namespace ktgp_orb::prosac {
+namespace ktgp_orb::estimation {
 
 /// The order in which PROSAC draws: best quality first. Keeps its buffers.
 class QualityOrder {
@@ -251,4 +251,4 @@ class ProsacSearch {
   ProsacStopping stopping_;
 };
 
-}  // namespace ktgp_orb::prosac
+}  // namespace ktgp_orb::estimation

@@ -1,4 +1,4 @@
-#include "core/prosac/prosac.h"
+#include "estimation/prosac.h"
 
 #include <array>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-namespace ktgp_orb::prosac {
+namespace ktgp_orb::estimation {
 
 namespace {
 
@@ -159,4 +159,4 @@ void ProsacStopping::update(const std::vector<std::uint8_t>& inlier) {
   samples_needed_ = samplesFor(best, log_eta_);
 }
 
-}  // namespace ktgp_orb::prosac
+}  // namespace ktgp_orb::estimation
