@@ -13,11 +13,11 @@
 #include "core/growth/alike-inl.h"
 #include "core/knn/near-inl.h"
 #include "core/knn/scan-inl.h"
-#include "core/orb/blur-inl.h"
-#include "core/orb/fast-inl.h"
-#include "core/orb/patch-inl.h"
-#include "core/orb/resize-inl.h"
-#include "core/orb/teblid-inl.h"
+#include "features/orb/blur-inl.h"
+#include "features/orb/fast-inl.h"
+#include "features/orb/patch-inl.h"
+#include "features/orb/resize-inl.h"
+#include "features/orb/teblid-inl.h"
 #endif
 
 HWY_BEFORE_NAMESPACE();

@@ -3,7 +3,7 @@
 #include "core/alignment/kernels.h"
 #include "core/growth/alike_kernel.h"
 #include "core/knn/kernel.h"
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 
 namespace ktgp_orb {
 

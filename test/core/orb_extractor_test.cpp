@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/orb/kernels.h"
-#include "core/orb/pipeline.h"
-#include "core/orb/uniform.h"
+#include "features/orb/kernels.h"
+#include "features/orb/pipeline.h"
+#include "features/orb/uniform.h"
 #include "frame_pair.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"

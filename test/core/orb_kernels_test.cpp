@@ -1,4 +1,4 @@
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/orb/detector.h"
-#include "core/orb/pyramid.h"
+#include "features/orb/detector.h"
+#include "features/orb/pyramid.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"
 #include "util/constants.h"

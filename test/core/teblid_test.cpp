@@ -1,6 +1,6 @@
 // Compares TEBLID with the descriptors of its authors' program, and its vector code with the plain
 // definition.
-#include "core/orb/teblid.h"
+#include "features/orb/teblid.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "core/orb/teblid_table.h"
+#include "features/orb/teblid_table.h"
 #include "frame_pair.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"

@@ -2,7 +2,7 @@
 // instruction set.
 #include <hwy/highway.h>
 
-#include "core/orb/teblid_kernel.h"
+#include "features/orb/teblid_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::orb {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 
 namespace ktgp_orb::orb {
 

@@ -4,10 +4,10 @@
 #include <optional>
 #include <vector>
 
-#include "core/orb/detector.h"
-#include "core/orb/pyramid.h"
-#include "core/orb/teblid.h"
-#include "core/orb/uniform.h"
+#include "features/orb/detector.h"
+#include "features/orb/pyramid.h"
+#include "features/orb/teblid.h"
+#include "features/orb/uniform.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "util/thread_pool.h"

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
-#include "core/orb/teblid_table.h"
+#include "features/orb/teblid_table.h"
 
 namespace ktgp_orb::orb {
 

@@ -4,8 +4,8 @@
 
 #include <cstring>
 
-#include "core/orb/kernels_common.h"
-#include "core/orb/pattern.h"
+#include "features/orb/kernels_common.h"
+#include "features/orb/pattern.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::orb {

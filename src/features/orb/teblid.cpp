@@ -1,4 +1,4 @@
-#include "core/orb/teblid.h"
+#include "features/orb/teblid.h"
 
 #include <algorithm>
 #include <cmath>

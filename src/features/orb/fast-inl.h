@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "core/orb/kernels_common.h"
+#include "features/orb/kernels_common.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::orb {

@@ -1,4 +1,4 @@
-#include "core/orb/detector.h"
+#include "features/orb/detector.h"
 
 #include <algorithm>
 #include <cfloat>

@@ -2,7 +2,7 @@
 // for each instruction set.
 #include <hwy/highway.h>
 
-#include "core/orb/kernels_common.h"
+#include "features/orb/kernels_common.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::orb {

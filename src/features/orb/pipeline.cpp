@@ -1,4 +1,4 @@
-#include "core/orb/pipeline.h"
+#include "features/orb/pipeline.h"
 
 #include <algorithm>
 #include <array>

@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "core/orb/kernels.h"
-#include "core/orb/pipeline.h"
+#include "features/orb/kernels.h"
+#include "features/orb/pipeline.h"
 #include "util/format.h"
 #include "util/options_check.h"
 

@@ -1,12 +1,12 @@
 // The pixel loops of ORB in plain C++, the reference for the vector versions.
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/orb/kernels_common.h"
-#include "core/orb/pattern.h"
-#include "core/orb/teblid_kernel.h"
+#include "features/orb/kernels_common.h"
+#include "features/orb/pattern.h"
+#include "features/orb/teblid_kernel.h"
 
 namespace ktgp_orb::orb {
 namespace {

@@ -4,8 +4,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/orb/kernels.h"
-#include "core/orb/teblid_kernel.h"
+#include "features/orb/kernels.h"
+#include "features/orb/teblid_kernel.h"
 
 namespace ktgp_orb::orb {
 

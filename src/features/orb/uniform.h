@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 #include "util/buckets.h"
 
 namespace ktgp_orb::orb {

@@ -1,9 +1,9 @@
-#include "core/orb/uniform.h"
+#include "features/orb/uniform.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/orb/detector.h"
+#include "features/orb/detector.h"
 
 namespace ktgp_orb::orb {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/orb/pyramid.h"
+#include "features/orb/pyramid.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/orb/kernels.h"
+#include "features/orb/kernels.h"
 
 namespace ktgp_orb::orb {
 
