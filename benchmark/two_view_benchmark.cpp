@@ -19,8 +19,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/alignment/local_maps.h"
-#include "core/alignment/patch_aligner.h"
+#include "features/alignment/local_maps.h"
+#include "features/alignment/patch_aligner.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/two_view.h"
 #include "support.h"

@@ -9,10 +9,10 @@
 #include <hwy/highway.h>
 
 #if KTGP_ORB_HAS_VECTORS
-#include "core/alignment/patch-inl.h"
 #include "core/growth/alike-inl.h"
 #include "core/knn/near-inl.h"
 #include "core/knn/scan-inl.h"
+#include "features/alignment/patch-inl.h"
 #include "features/orb/blur-inl.h"
 #include "features/orb/fast-inl.h"
 #include "features/orb/patch-inl.h"

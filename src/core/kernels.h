@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/alignment/kernels.h"
 #include "core/growth/alike_kernel.h"
 #include "core/knn/kernel.h"
+#include "features/alignment/kernels.h"
 #include "features/orb/kernels.h"
 
 namespace ktgp_orb {

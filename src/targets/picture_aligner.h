@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/alignment/patch_aligner.h"
+#include "features/alignment/patch_aligner.h"
 #include "homography/fit.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "targets/target_picture.h"

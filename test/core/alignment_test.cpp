@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "alignment_scene.h"
-#include "core/alignment/kernels.h"
-#include "core/alignment/spread.h"
+#include "features/alignment/kernels.h"
+#include "features/alignment/spread.h"
 #include "homography/transform.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/evaluation.h"

@@ -21,11 +21,11 @@
 #include <string>
 #include <vector>
 
-#include "core/alignment/local_maps.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/solvers.h"
 #include "core/two_view/support.h"
 #include "estimation/prosac.h"
+#include "features/alignment/local_maps.h"
 #include "frame_pair.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"

@@ -1,9 +1,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 
-#include "core/alignment/local_maps.h"
-#include "core/alignment/patch_aligner.h"
 #include "core/two_view/cameras.h"
+#include "features/alignment/local_maps.h"
+#include "features/alignment/patch_aligner.h"
 #include "ktgp_orb/two_view.h"
 #include "util/keypoint_position.h"
 

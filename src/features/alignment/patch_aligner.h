@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/alignment/kernels.h"
+#include "features/alignment/kernels.h"
 
 namespace ktgp_orb::alignment {
 

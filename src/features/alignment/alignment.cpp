@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "core/alignment/patch_aligner.h"
-#include "core/alignment/spread.h"
+#include "features/alignment/patch_aligner.h"
+#include "features/alignment/spread.h"
 #include "homography/fit.h"
 #include "homography/transform.h"
 #include "util/keypoint_position.h"

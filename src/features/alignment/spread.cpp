@@ -1,4 +1,4 @@
-#include "core/alignment/spread.h"
+#include "features/alignment/spread.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,7 @@
 // once for each instruction set.
 #include <hwy/highway.h>
 
-#include "core/alignment/kernels.h"
+#include "features/alignment/kernels.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::alignment {

@@ -1,4 +1,4 @@
-#include "core/alignment/patch_aligner.h"
+#include "features/alignment/patch_aligner.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>

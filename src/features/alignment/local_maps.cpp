@@ -1,4 +1,4 @@
-#include "core/alignment/local_maps.h"
+#include "features/alignment/local_maps.h"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "core/alignment/kernels.h"
+#include "features/alignment/kernels.h"
 
 namespace ktgp_orb::alignment {
 namespace {
