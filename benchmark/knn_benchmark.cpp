@@ -24,11 +24,11 @@
 #include <string>
 #include <vector>
 
-#include "core/knn/near_search.h"
-#include "core/knn/search.h"
 #include "files/input.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/evaluation.h"
+#include "matching/knn/near_search.h"
+#include "matching/knn/search.h"
 #include "support.h"
 
 namespace {

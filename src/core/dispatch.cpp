@@ -10,14 +10,14 @@
 
 #if KTGP_ORB_HAS_VECTORS
 #include "core/growth/alike-inl.h"
-#include "core/knn/near-inl.h"
-#include "core/knn/scan-inl.h"
 #include "features/alignment/patch-inl.h"
 #include "features/orb/blur-inl.h"
 #include "features/orb/fast-inl.h"
 #include "features/orb/patch-inl.h"
 #include "features/orb/resize-inl.h"
 #include "features/orb/teblid-inl.h"
+#include "matching/knn/near-inl.h"
+#include "matching/knn/scan-inl.h"
 #endif
 
 HWY_BEFORE_NAMESPACE();

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "core/growth/alike_kernel.h"
-#include "core/knn/kernel.h"
 #include "features/alignment/kernels.h"
 #include "features/orb/kernels.h"
+#include "matching/knn/kernel.h"
 
 namespace ktgp_orb {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "core/knn/kernel.h"
 #include "instruction_sets.h"
+#include "matching/knn/kernel.h"
 #include "plain_search.h"
 #include "synthetic_pairs.h"
 

@@ -16,11 +16,11 @@
 #include <vector>
 
 #include "allocation_counter.h"
-#include "core/knn/kernel.h"
-#include "core/knn/near_search.h"
-#include "core/knn/search.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/ratio_filter.h"
+#include "matching/knn/kernel.h"
+#include "matching/knn/near_search.h"
+#include "matching/knn/search.h"
 #include "plain_search.h"
 
 namespace ktgp_orb::knn {

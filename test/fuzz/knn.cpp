@@ -2,10 +2,10 @@
 // compared with a plain search.
 #include <Eigen/LU>
 
-#include "core/knn/near_search.h"
-#include "core/knn/search.h"
 #include "input.h"
 #include "instruction_sets.h"
+#include "matching/knn/near_search.h"
+#include "matching/knn/search.h"
 #include "plain_search.h"
 
 namespace ktgp_orb::fuzz {

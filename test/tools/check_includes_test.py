@@ -34,7 +34,7 @@ class CheckIncludes(FolderCase):
             self.expect('"nodelet/parameters.h"', where, 'may not include nodelet')
 
     def test_the_core_knows_no_ros_and_nothing_above_it(self):
-        core = 'src/core/knn/matcher.cpp'
+        core = 'src/matching/knn/matcher.cpp'
         self.expect('<ros/ros.h>', core, 'no ROS here')
         self.expect('<sensor_msgs/Image.h>', 'include/ktgp_orb/features.h', 'no ROS here')
         self.expect('<ktgp_orb/KtgpConfig.h>', 'src/core/sequence/sequence_matcher.cpp',
@@ -45,10 +45,10 @@ class CheckIncludes(FolderCase):
                     'core may not include core/sequence')
 
     def test_the_stages_make_no_circle(self):
-        (self.folder / 'src/core/knn/a.h').write_text('#include "core/gms/b.h"\n')
+        (self.folder / 'src/matching/knn/a.h').write_text('#include "core/gms/b.h"\n')
         (self.folder / 'src/core/gms/b.h').write_text('')
         self.check()
-        (self.folder / 'src/core/gms/b.h').write_text('#include "core/knn/a.h"\n')
+        (self.folder / 'src/core/gms/b.h').write_text('#include "matching/knn/a.h"\n')
         self.check(code=1, prints='core/gms -> core/knn -> core/gms')
 
     def test_paths_are_given_from_src(self):

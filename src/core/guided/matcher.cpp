@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/knn/near_search.h"
 #include "homography/fit.h"
 #include "homography/transform.h"
+#include "matching/knn/near_search.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
 

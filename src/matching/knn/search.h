@@ -3,9 +3,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/knn/index.h"
-#include "core/knn/kernel.h"
 #include "ktgp_orb/correspondence.h"
+#include "matching/knn/index.h"
+#include "matching/knn/kernel.h"
 #include "util/thread_pool.h"
 
 namespace ktgp_orb::knn {

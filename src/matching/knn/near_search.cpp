@@ -1,4 +1,4 @@
-#include "core/knn/near_search.h"
+#include "matching/knn/near_search.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>

@@ -1,6 +1,6 @@
 // The inner loops in plain C++, the reference for the vector kernels. Those of the search in the
 // whole image run over the lanes of a row, so that compilers can vectorise them.
-#include "core/knn/kernel.h"
+#include "matching/knn/kernel.h"
 
 #include <algorithm>
 #include <array>

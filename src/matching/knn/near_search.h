@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "core/knn/index.h"
-#include "core/knn/kernel.h"
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
+#include "matching/knn/index.h"
+#include "matching/knn/kernel.h"
 #include "util/cell_grid.h"
 #include "util/thread_pool.h"
 

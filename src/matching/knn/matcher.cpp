@@ -1,9 +1,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "core/knn/near_search.h"
-#include "core/knn/search.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "matching/knn/near_search.h"
+#include "matching/knn/search.h"
 #include "util/options_check.h"
 
 namespace ktgp_orb {

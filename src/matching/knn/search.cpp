@@ -1,4 +1,4 @@
-#include "core/knn/search.h"
+#include "matching/knn/search.h"
 
 #include <algorithm>
 #include <atomic>

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "core/knn/kernel.h"
+#include "matching/knn/kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::knn {

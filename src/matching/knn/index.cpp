@@ -1,9 +1,9 @@
-#include "core/knn/index.h"
+#include "matching/knn/index.h"
 
 #include <algorithm>
 #include <cstddef>
 
-#include "core/knn/kernel.h"
+#include "matching/knn/kernel.h"
 #include "util/divide.h"
 
 namespace ktgp_orb::knn {
