@@ -1,4 +1,4 @@
-#include "core/gms/cell_pairs.h"
+#include "matching/gms/cell_pairs.h"
 
 #include <cmath>
 

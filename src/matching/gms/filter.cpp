@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/gms/cell_pairs.h"
+#include "matching/gms/cell_pairs.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
 
