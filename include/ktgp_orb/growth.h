@@ -73,7 +73,7 @@ struct GrowthStart {
 ///   fitted again and the region grows, ten times. From twelve matches on, the map is a homography.
 /// 4. Verdict: the homography shifted by 20 and 45 px in 24 directions each shows how many matches
 ///   chance gives with these images, descriptors and region. The a-contrario bound takes account of
-///   the number of seeds and of possible maps (see src/core/growth/verdict.h). The homography must
+///   the number of seeds and of possible maps (see src/growth/verdict.h). The homography must
 ///   also show the whole reference as a plane from one side.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.

@@ -9,13 +9,13 @@
 #include <hwy/highway.h>
 
 #if KTGP_ORB_HAS_VECTORS
-#include "core/growth/alike-inl.h"
 #include "features/alignment/patch-inl.h"
 #include "features/orb/blur-inl.h"
 #include "features/orb/fast-inl.h"
 #include "features/orb/patch-inl.h"
 #include "features/orb/resize-inl.h"
 #include "features/orb/teblid-inl.h"
+#include "growth/alike-inl.h"
 #include "matching/knn/near-inl.h"
 #include "matching/knn/scan-inl.h"
 #endif

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/growth/alike_kernel.h"
 #include "features/alignment/kernels.h"
 #include "features/orb/kernels.h"
+#include "growth/alike_kernel.h"
 #include "matching/knn/kernel.h"
 
 namespace ktgp_orb {

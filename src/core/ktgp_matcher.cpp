@@ -6,7 +6,7 @@
 #include <optional>
 #include <string_view>
 
-#include "core/growth/verdict.h"
+#include "growth/verdict.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
 #include "util/keypoint_position.h"

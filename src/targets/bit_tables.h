@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-#include "core/growth/local_frame.h"
+#include "growth/local_frame.h"
 
 namespace ktgp_orb::targets {
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/growth/local_frame.h"
+#include "growth/local_frame.h"
 #include "ktgp_orb/features.h"
 #include "targets/picture_search.h"
 #include "targets/seeds.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/growth/map_fit.h"
+#include "growth/map_fit.h"
 #include "homography/transform.h"
 
 namespace ktgp_orb::targets {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/growth/map_fit.h"
+#include "growth/map_fit.h"
 #include "homography/transform.h"
 
 namespace ktgp_orb::targets {

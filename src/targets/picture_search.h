@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/growth/grower.h"
-#include "core/growth/local_matcher.h"
-#include "core/growth/verdict.h"
+#include "growth/grower.h"
+#include "growth/local_matcher.h"
+#include "growth/verdict.h"
 #include "homography/fit.h"
 #include "homography/verdict.h"
 #include "ktgp_orb/features.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/growth/map_fit.h"
+#include "growth/map_fit.h"
 
 namespace ktgp_orb::targets {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/growth/local_frame.h"
-#include "core/growth/reference_frames.h"
+#include "growth/local_frame.h"
+#include "growth/reference_frames.h"
 #include "targets/target_index.h"
 #include "targets/vote_kernel.h"
 

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/growth/local_frame.h"
-#include "core/growth/reference_frames.h"
+#include "growth/local_frame.h"
+#include "growth/reference_frames.h"
 #include "targets/bit_tables.h"
 
 namespace ktgp_orb::targets {

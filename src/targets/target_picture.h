@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/growth/reference_frames.h"
+#include "growth/reference_frames.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/orb_extractor.h"
 

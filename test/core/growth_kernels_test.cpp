@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/growth/alike_kernel.h"
+#include "growth/alike_kernel.h"
 #include "instruction_sets.h"
 #include "targets/vote_kernel.h"
 

@@ -13,12 +13,12 @@
 #include <string>
 #include <vector>
 
-#include "core/growth/local_frame.h"
-#include "core/growth/local_matcher.h"
-#include "core/growth/map_fit.h"
-#include "core/growth/verdict.h"
-#include "core/growth/votes.h"
 #include "frame_pair.h"
+#include "growth/local_frame.h"
+#include "growth/local_matcher.h"
+#include "growth/map_fit.h"
+#include "growth/verdict.h"
+#include "growth/votes.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/sequence_matcher.h"

@@ -1,4 +1,4 @@
-#include "core/growth/reference_frames.h"
+#include "growth/reference_frames.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>

@@ -1,9 +1,9 @@
-#include "core/growth/grower.h"
+#include "growth/grower.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/growth/map_fit.h"
+#include "growth/map_fit.h"
 
 namespace ktgp_orb::growth {
 namespace {

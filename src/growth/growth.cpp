@@ -5,11 +5,11 @@
 #include <numeric>
 #include <utility>
 
-#include "core/growth/grower.h"
-#include "core/growth/map_fit.h"
-#include "core/growth/reference_frames.h"
-#include "core/growth/verdict.h"
-#include "core/growth/votes.h"
+#include "growth/grower.h"
+#include "growth/map_fit.h"
+#include "growth/reference_frames.h"
+#include "growth/verdict.h"
+#include "growth/votes.h"
 #include "homography/fit.h"
 #include "homography/verdict.h"
 #include "ktgp_orb/knn_matcher.h"

@@ -1,4 +1,4 @@
-#include "core/growth/local_matcher.h"
+#include "growth/local_matcher.h"
 
 #include <algorithm>
 #include <limits>

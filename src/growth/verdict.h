@@ -8,9 +8,9 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-#include "core/growth/local_frame.h"
-#include "core/growth/local_matcher.h"
-#include "core/growth/reference_frames.h"
+#include "growth/local_frame.h"
+#include "growth/local_matcher.h"
+#include "growth/reference_frames.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {

@@ -2,7 +2,7 @@
 // instruction set.
 #include <hwy/highway.h>
 
-#include "core/growth/alike_kernel.h"
+#include "growth/alike_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::growth {

@@ -6,8 +6,8 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-#include "core/growth/alike_kernel.h"
-#include "core/growth/local_frame.h"
+#include "growth/alike_kernel.h"
+#include "growth/local_frame.h"
 #include "ktgp_orb/features.h"
 #include "util/cell_grid.h"
 

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <opencv2/core/types.hpp>
 
-#include "core/growth/alike_kernel.h"
+#include "growth/alike_kernel.h"
 #include "ktgp_orb/features.h"
 #include "util/constants.h"
 

@@ -1,4 +1,4 @@
-#include "core/growth/votes.h"
+#include "growth/votes.h"
 
 #include <algorithm>
 #include <cmath>

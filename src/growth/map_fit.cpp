@@ -1,4 +1,4 @@
-#include "core/growth/map_fit.h"
+#include "growth/map_fit.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

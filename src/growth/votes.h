@@ -5,7 +5,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-#include "core/growth/local_frame.h"
+#include "growth/local_frame.h"
 #include "util/cell_grid.h"
 
 namespace ktgp_orb::growth {

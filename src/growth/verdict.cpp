@@ -1,4 +1,4 @@
-#include "core/growth/verdict.h"
+#include "growth/verdict.h"
 
 #include <algorithm>
 #include <cmath>

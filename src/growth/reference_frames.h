@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/growth/local_frame.h"
-#include "core/growth/local_matcher.h"
+#include "growth/local_frame.h"
+#include "growth/local_matcher.h"
 #include "ktgp_orb/growth.h"
 
 namespace ktgp_orb::growth {

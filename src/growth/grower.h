@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "core/growth/local_matcher.h"
-#include "core/growth/reference_frames.h"
+#include "growth/local_matcher.h"
+#include "growth/reference_frames.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
