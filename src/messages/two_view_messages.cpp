@@ -8,9 +8,9 @@
 #include <cmath>
 #include <vector>
 
-#include "core/two_view/cameras.h"
 #include "messages/message_conversion.h"
 #include "messages/pose_message.h"
+#include "two_view/cameras.h"
 
 namespace ktgp_orb {
 namespace {

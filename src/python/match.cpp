@@ -6,12 +6,12 @@
 #include <string_view>
 #include <tuple>
 
-#include "core/two_view/cameras.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
 #include "python/shared.h"
+#include "two_view/cameras.h"
 #include "util/pool.h"
 
 namespace ktgp_orb::python {

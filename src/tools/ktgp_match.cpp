@@ -11,7 +11,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "core/two_view/cameras.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -19,6 +18,7 @@
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "two_view/cameras.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -21,9 +21,6 @@
 #include <string>
 #include <vector>
 
-#include "core/two_view/epipolar.h"
-#include "core/two_view/solvers.h"
-#include "core/two_view/support.h"
 #include "estimation/prosac.h"
 #include "features/alignment/local_maps.h"
 #include "frame_pair.h"
@@ -31,6 +28,9 @@
 #include "orb_test_images.h"
 #include "refusal.h"
 #include "synthetic_pairs.h"
+#include "two_view/epipolar.h"
+#include "two_view/solvers.h"
+#include "two_view/support.h"
 
 namespace ktgp_orb::two_view {
 namespace {

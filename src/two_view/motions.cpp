@@ -1,4 +1,4 @@
-#include "core/two_view/motions.h"
+#include "two_view/motions.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

@@ -5,8 +5,8 @@
 #include <Eigen/LU>
 #include <optional>
 
-#include "core/two_view/solvers.h"
 #include "ktgp_orb/two_view.h"
+#include "two_view/solvers.h"
 
 namespace ktgp_orb::two_view {
 

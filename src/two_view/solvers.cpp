@@ -1,4 +1,4 @@
-#include "core/two_view/solvers.h"
+#include "two_view/solvers.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>

@@ -1,10 +1,10 @@
 #include <Eigen/Core>
 #include <algorithm>
 
-#include "core/two_view/cameras.h"
 #include "features/alignment/local_maps.h"
 #include "features/alignment/patch_aligner.h"
 #include "ktgp_orb/two_view.h"
+#include "two_view/cameras.h"
 #include "util/keypoint_position.h"
 
 namespace ktgp_orb {

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "core/two_view/cameras.h"
-#include "core/two_view/epipolar.h"
+#include "two_view/cameras.h"
+#include "two_view/epipolar.h"
 
 namespace ktgp_orb::two_view {
 

@@ -1,4 +1,4 @@
-#include "core/two_view/support.h"
+#include "two_view/support.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,12 +1,12 @@
-#include "core/two_view/cameras.h"
+#include "two_view/cameras.h"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
 
-#include "core/two_view/epipolar.h"
 #include "homography/transform.h"
+#include "two_view/epipolar.h"
 #include "util/constants.h"
 #include "util/format.h"
 #include "util/options_check.h"

@@ -1,4 +1,4 @@
-#include "core/two_view/epipolar.h"
+#include "two_view/epipolar.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <limits>
 
-#include "core/two_view/cameras.h"
-#include "core/two_view/epipolar.h"
-#include "core/two_view/motions.h"
-#include "core/two_view/support.h"
 #include "estimation/prosac.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
+#include "two_view/cameras.h"
+#include "two_view/epipolar.h"
+#include "two_view/motions.h"
+#include "two_view/support.h"
 #include "util/constants.h"
 #include "util/names.h"
 #include "util/options_check.h"

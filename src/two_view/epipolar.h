@@ -6,11 +6,11 @@
 #include <optional>
 #include <vector>
 
-#include "core/two_view/cameras.h"
-#include "core/two_view/solvers.h"
 #include "estimation/prosac.h"
 #include "homography/point_pairs.h"
 #include "ktgp_orb/prosac_homography.h"
+#include "two_view/cameras.h"
+#include "two_view/solvers.h"
 
 namespace ktgp_orb::two_view {
 
