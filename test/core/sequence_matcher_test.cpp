@@ -16,12 +16,12 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/sequence/motion_predictor.h"
 #include "homography/transform.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/frame_path.h"
 #include "moving_view.h"
 #include "orb_test_images.h"
+#include "sequence/motion_predictor.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {

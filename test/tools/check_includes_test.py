@@ -37,7 +37,7 @@ class CheckIncludes(FolderCase):
         core = 'src/matching/knn/matcher.cpp'
         self.expect('<ros/ros.h>', core, 'no ROS here')
         self.expect('<sensor_msgs/Image.h>', 'include/ktgp_orb/features.h', 'no ROS here')
-        self.expect('<ktgp_orb/KtgpConfig.h>', 'src/core/sequence/sequence_matcher.cpp',
+        self.expect('<ktgp_orb/KtgpConfig.h>', 'src/sequence/sequence_matcher.cpp',
                     'no ROS here')
         self.expect('"messages/configuration.h"', core, 'may not include messages')
         self.expect('"ktgp_orb/ktgp_matcher.h"', core, 'core/knn may not include core')
@@ -52,7 +52,7 @@ class CheckIncludes(FolderCase):
         self.check(code=1, prints='core/gms -> core/knn -> core/gms')
 
     def test_paths_are_given_from_src(self):
-        self.expect('"frames.h"', 'src/core/sequence/sequence_matcher.cpp', 'no such file')
+        self.expect('"frames.h"', 'src/sequence/sequence_matcher.cpp', 'no such file')
 
     def test_an_unknown_folder_is_named(self):
         (self.folder / 'src/elsewhere').mkdir()

@@ -1,4 +1,4 @@
-#include "core/sequence/motion_predictor.h"
+#include "sequence/motion_predictor.h"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "core/sequence/frames.h"
+#include "sequence/frames.h"
 
 #include <numeric>
 

@@ -1,4 +1,4 @@
-#include "core/sequence/reference_keeper.h"
+#include "sequence/reference_keeper.h"
 
 namespace ktgp_orb::sequence {
 

@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/sequence/frames.h"
-#include "core/sequence/motion_predictor.h"
-#include "core/sequence/reference_keeper.h"
+#include "sequence/frames.h"
+#include "sequence/motion_predictor.h"
+#include "sequence/reference_keeper.h"
 #include "util/milliseconds.h"
 #include "util/names.h"
 
