@@ -1,10 +1,10 @@
 // The vector code of all stages: compiled once for each instruction set, one of which is chosen at
 // run time.
-#include "core/kernels.h"
+#include "kernels/kernels.h"
 #include "util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/dispatch.cpp"
+#define HWY_TARGET_INCLUDE "kernels/dispatch.cpp"
 #include <hwy/foreach_target.h>  // includes this file again for each instruction set
 #include <hwy/highway.h>
 
