@@ -30,7 +30,7 @@ class CheckIncludes(FolderCase):
     def test_nothing_includes_the_nodelet(self):
         for where in ('src/tools/ktgp_bag.cpp', 'src/demo/demo_report.cpp',
                       'src/evaluation/ktgp_evaluate.cpp', 'src/messages/configuration.cpp',
-                      'src/core/ktgp_matcher.cpp'):
+                      'src/matching/ktgp_matcher.cpp'):
             self.expect('"nodelet/parameters.h"', where, 'may not include nodelet')
 
     def test_the_core_knows_no_ros_and_nothing_above_it(self):
@@ -41,7 +41,7 @@ class CheckIncludes(FolderCase):
                     'no ROS here')
         self.expect('"messages/configuration.h"', core, 'may not include messages')
         self.expect('"ktgp_orb/ktgp_matcher.h"', core, 'core/knn may not include core')
-        self.expect('<ktgp_orb/sequence_matcher.h>', 'src/core/ktgp_matcher.cpp',
+        self.expect('<ktgp_orb/sequence_matcher.h>', 'src/matching/ktgp_matcher.cpp',
                     'core may not include core/sequence')
 
     def test_the_stages_make_no_circle(self):
