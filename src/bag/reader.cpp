@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 #include "util/format.h"
 
 namespace ktgp_orb {

@@ -33,8 +33,8 @@
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/overlay.h"
-#include "messages/image_conversion.h"
-#include "messages/message_conversion.h"
+#include "ros/image_conversion.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {

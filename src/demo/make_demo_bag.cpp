@@ -24,7 +24,7 @@
 #include "demo/signs.h"
 #include "files/input.h"
 #include "files/output_file.h"
-#include "messages/message_conversion.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {

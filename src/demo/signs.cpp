@@ -13,7 +13,7 @@
 #include "demo/flight.h"
 #include "demo/landscape.h"
 #include "files/output_file.h"
-#include "messages/pose_message.h"
+#include "ros/pose_message.h"
 #include "util/constants.h"
 
 namespace ktgp_orb::demo {

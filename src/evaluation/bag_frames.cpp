@@ -6,8 +6,8 @@
 
 #include "bag/reader.h"
 #include "files/input.h"
-#include "messages/image_conversion.h"
-#include "messages/message_conversion.h"
+#include "ros/image_conversion.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <boost/make_shared.hpp>
 
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 

@@ -15,9 +15,9 @@
 #include <string>
 #include <utility>
 
-#include "messages/ground_readings.h"
-#include "messages/pose_message.h"
 #include "nodelet/image_node.h"
+#include "ros/ground_readings.h"
+#include "ros/pose_message.h"
 #include "util/format.h"
 
 namespace ktgp_orb {

@@ -3,7 +3,7 @@
 #include <malloc.h>
 #include <exception>
 
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {

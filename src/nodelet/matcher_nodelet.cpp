@@ -9,11 +9,11 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
-#include "messages/image_conversion.h"
-#include "messages/rate_limiter.h"
 #include "nodelet/image_node.h"
 #include "nodelet/matcher_settings.h"
 #include "nodelet/matcher_work.h"
+#include "ros/image_conversion.h"
+#include "ros/rate_limiter.h"
 
 namespace ktgp_orb {
 namespace {

@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "messages/camera.h"
-#include "messages/image_conversion.h"
+#include "ros/camera.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 

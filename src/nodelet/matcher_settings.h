@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "messages/configuration.h"
+#include "ros/configuration.h"
 
 namespace ktgp_orb {
 

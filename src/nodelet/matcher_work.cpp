@@ -27,7 +27,7 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #define KTGP_TOPIC(name, Message, make, text) \
   addTopic<Message>(outputs, #name, [](const MatchedFrame& frame) { return make(frame); });
 #define KTGP_LIVE_TOPIC KTGP_TOPIC
-#include "messages/topics.def"
+#include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
   // A slow subscriber should not lose data; of the pictures it needs only the newest.

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "messages/message_matcher.h"
 #include "nodelet/diagnosis.h"
 #include "nodelet/outputs.h"
+#include "ros/message_matcher.h"
 
 namespace ktgp_orb {
 

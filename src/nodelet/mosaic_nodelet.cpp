@@ -8,9 +8,9 @@
 
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
-#include "messages/image_conversion.h"
-#include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"
+#include "ros/image_conversion.h"
+#include "ros/message_conversion.h"
 #include "util/format.h"
 
 namespace ktgp_orb {

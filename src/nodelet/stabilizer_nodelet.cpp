@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "ktgp_orb/stabilizer.h"
-#include "messages/image_conversion.h"
-#include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"
+#include "ros/image_conversion.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb {
 namespace {

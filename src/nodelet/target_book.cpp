@@ -12,7 +12,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 #include "util/printable.h"
 
 namespace ktgp_orb {

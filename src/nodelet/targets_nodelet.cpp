@@ -12,11 +12,11 @@
 #include <utility>
 
 #include "ktgp_orb/overlay.h"
-#include "messages/image_conversion.h"
-#include "messages/message_conversion.h"
-#include "messages/target_messages.h"
 #include "nodelet/image_node.h"
 #include "nodelet/target_book.h"
+#include "ros/image_conversion.h"
+#include "ros/message_conversion.h"
+#include "ros/target_messages.h"
 
 namespace ktgp_orb {
 

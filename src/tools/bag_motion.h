@@ -10,8 +10,8 @@
 
 #include "bag/reader.h"
 #include "cli/matcher_cli.h"
-#include "messages/ground_readings.h"
-#include "messages/message_conversion.h"
+#include "ros/ground_readings.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb {
 

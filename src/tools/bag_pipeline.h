@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
-#include "messages/configuration.h"
+#include "ros/configuration.h"
 
 namespace ktgp_orb {
 

@@ -9,8 +9,8 @@
 #include "bag/video.h"
 #include "cli/matcher_cli.h"
 #include "files/input.h"
-#include "messages/image_conversion.h"
 #include "parameters/target_list.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ktgp_orb/target_finder.h"
-#include "messages/target_messages.h"
+#include "ros/target_messages.h"
 
 namespace ktgp_orb {
 

@@ -103,7 +103,7 @@ void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
 #define KTGP_TOPIC(name, Message, make, text) \
   if (messages.name) writeMessage(prefix_ + #name, time, *messages.name);
 #define KTGP_LIVE_TOPIC(name, Message, make, text)
-#include "messages/topics.def"
+#include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
   if (messages.overlay) writeMessage(prefix_ + "matches_image", time, *messages.overlay);

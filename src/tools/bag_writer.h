@@ -10,7 +10,7 @@
 #include <string>
 
 #include "files/output_file.h"
-#include "messages/message_conversion.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "messages/ground_readings.h"
+#include "ros/ground_readings.h"
 
 #include <dynamic_reconfigure/Config.h>
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "messages/pose_message.h"
 #include "refusal.h"
+#include "ros/pose_message.h"
 
 namespace ktgp_orb {
 namespace {

@@ -1,5 +1,5 @@
 // Conversion of every encoding of sensor_msgs. No ROS master is needed.
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
@@ -21,12 +21,12 @@
 #include <vector>
 
 #include "files/input.h"
-#include "messages/camera.h"
-#include "messages/frame_maker.h"
-#include "messages/message_matcher.h"
-#include "messages/rate_limiter.h"
 #include "orb_test_images.h"
 #include "refusal.h"
+#include "ros/camera.h"
+#include "ros/frame_maker.h"
+#include "ros/message_matcher.h"
+#include "ros/rate_limiter.h"
 
 namespace ktgp_orb {
 namespace {

@@ -4,8 +4,8 @@
 #include <boost/make_shared.hpp>
 
 #include "input.h"
-#include "messages/image_conversion.h"
-#include "messages/message_matcher.h"
+#include "ros/image_conversion.h"
+#include "ros/message_matcher.h"
 
 namespace ktgp_orb::fuzz {
 namespace {

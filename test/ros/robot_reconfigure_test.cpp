@@ -10,9 +10,9 @@
 #include <map>
 #include <random>
 
-#include "messages/configuration.h"
-#include "messages/image_conversion.h"
 #include "robot_testing.h"
+#include "ros/configuration.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {

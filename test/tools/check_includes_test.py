@@ -29,7 +29,7 @@ class CheckIncludes(FolderCase):
 
     def test_nothing_includes_the_nodelet(self):
         for where in ('src/tools/ktgp_bag.cpp', 'src/demo/demo_report.cpp',
-                      'src/evaluation/ktgp_evaluate.cpp', 'src/messages/configuration.cpp',
+                      'src/evaluation/ktgp_evaluate.cpp', 'src/ros/configuration.cpp',
                       'src/matching/ktgp_matcher.cpp'):
             self.expect('"nodelet/parameters.h"', where, 'may not include nodelet')
 
@@ -39,7 +39,7 @@ class CheckIncludes(FolderCase):
         self.expect('<sensor_msgs/Image.h>', 'include/ktgp_orb/features.h', 'no ROS here')
         self.expect('<ktgp_orb/KtgpConfig.h>', 'src/sequence/sequence_matcher.cpp',
                     'no ROS here')
-        self.expect('"messages/configuration.h"', core, 'may not include messages')
+        self.expect('"ros/configuration.h"', core, 'may not include messages')
         self.expect('"ktgp_orb/ktgp_matcher.h"', core, 'core/knn may not include core')
         self.expect('<ktgp_orb/sequence_matcher.h>', 'src/matching/ktgp_matcher.cpp',
                     'core may not include core/sequence')

@@ -3,9 +3,9 @@
 #include <sensor_msgs/Image.h>
 
 #include "ktgp_orb/sequence_matcher.h"
-#include "messages/configuration.h"
-#include "messages/frame_maker.h"
-#include "messages/message_conversion.h"
+#include "ros/configuration.h"
+#include "ros/frame_maker.h"
+#include "ros/message_conversion.h"
 
 namespace ktgp_orb {
 

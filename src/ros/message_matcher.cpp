@@ -1,6 +1,6 @@
-#include "messages/message_matcher.h"
+#include "ros/message_matcher.h"
 
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 

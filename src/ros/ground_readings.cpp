@@ -1,4 +1,4 @@
-#include "messages/ground_readings.h"
+#include "ros/ground_readings.h"
 
 #include <ktgp_orb/MatchStatus.h>
 #include <tf2/exceptions.h>
@@ -8,9 +8,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "messages/answer_message.h"
-#include "messages/pose_message.h"
 #include "motion/rows.h"
+#include "ros/answer_message.h"
+#include "ros/pose_message.h"
 #include "util/constants.h"
 #include "util/format.h"
 

@@ -1,4 +1,4 @@
-#include "messages/pose_message.h"
+#include "ros/pose_message.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

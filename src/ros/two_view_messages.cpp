@@ -8,8 +8,8 @@
 #include <cmath>
 #include <vector>
 
-#include "messages/message_conversion.h"
-#include "messages/pose_message.h"
+#include "ros/message_conversion.h"
+#include "ros/pose_message.h"
 #include "two_view/cameras.h"
 
 namespace ktgp_orb {

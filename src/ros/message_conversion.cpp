@@ -1,4 +1,4 @@
-#include "messages/message_conversion.h"
+#include "ros/message_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "ktgp_orb/evaluation.h"
-#include "messages/answer_message.h"
-#include "messages/image_conversion.h"
+#include "ros/answer_message.h"
+#include "ros/image_conversion.h"
 #include "util/keypoint_position.h"
 #include "util/names.h"
 
@@ -254,7 +254,7 @@ FrameMessages toMessages(const MatchedFrame& frame) {
   FrameMessages messages;
 #define KTGP_TOPIC(name, Message, make, text) messages.name = make(frame);
 #define KTGP_LIVE_TOPIC(name, Message, make, text)
-#include "messages/topics.def"
+#include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
   return messages;

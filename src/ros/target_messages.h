@@ -12,7 +12,7 @@
 #include "homography/fit.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
-#include "messages/camera.h"
+#include "ros/camera.h"
 
 namespace ktgp_orb {
 

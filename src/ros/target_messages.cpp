@@ -1,4 +1,4 @@
-#include "messages/target_messages.h"
+#include "ros/target_messages.h"
 
 #include <ktgp_orb/MatchStatus.h>
 
@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "messages/answer_message.h"
-#include "messages/pose_message.h"
+#include "ros/answer_message.h"
+#include "ros/pose_message.h"
 #include "util/format.h"
 #include "util/keypoint_position.h"
 

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "ktgp_orb/sequence_matcher.h"
-#include "messages/camera.h"
-#include "messages/image_conversion.h"
+#include "ros/camera.h"
+#include "ros/image_conversion.h"
 #include "util/grey_levels.h"
 #include "util/pool.h"
 

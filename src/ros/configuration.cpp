@@ -1,4 +1,4 @@
-#include "messages/configuration.h"
+#include "ros/configuration.h"
 
 #include <stdexcept>
 

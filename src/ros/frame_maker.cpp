@@ -1,4 +1,4 @@
-#include "messages/frame_maker.h"
+#include "ros/frame_maker.h"
 
 #include <algorithm>
 #include <memory>

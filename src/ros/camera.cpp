@@ -1,4 +1,4 @@
-#include "messages/camera.h"
+#include "ros/camera.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "messages/image_conversion.h"
+#include "ros/image_conversion.h"
 
 #include <sensor_msgs/image_encodings.h>
 

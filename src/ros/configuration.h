@@ -11,8 +11,8 @@
 
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
-#include "messages/frame_maker.h"
 #include "parameters/options.h"
+#include "ros/frame_maker.h"
 #include "util/grey_levels.h"
 
 namespace ktgp_orb {

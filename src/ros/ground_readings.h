@@ -11,8 +11,8 @@
 #include <string>
 
 #include "ktgp_orb/ground_motion.h"
-#include "messages/camera.h"
-#include "messages/configuration.h"
+#include "ros/camera.h"
+#include "ros/configuration.h"
 
 namespace ktgp_orb {
 

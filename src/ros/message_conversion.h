@@ -36,7 +36,7 @@ struct MatchedFrame {
 /// The messages of the topics in topics.def; null where there is nothing to say.
 #define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> make(const MatchedFrame&);
 #define KTGP_LIVE_TOPIC KTGP_TOPIC
-#include "messages/topics.def"
+#include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
 
@@ -44,7 +44,7 @@ struct MatchedFrame {
 struct FrameMessages {
 #define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> name;
 #define KTGP_LIVE_TOPIC(name, Message, make, text)
-#include "messages/topics.def"
+#include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
   sensor_msgs::ImagePtr overlay;  ///< null unless wanted
