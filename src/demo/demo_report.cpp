@@ -25,7 +25,6 @@
 #include <string>
 
 #include "bag/reader.h"
-#include "cli/video_file.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/motion_score.h"
@@ -35,6 +34,7 @@
 #include "ktgp_orb/overlay.h"
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
+#include "tools/video_file.h"
 
 namespace ktgp_orb::demo {
 namespace {

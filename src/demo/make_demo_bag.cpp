@@ -15,8 +15,6 @@
 #include <string>
 #include <vector>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
@@ -25,6 +23,8 @@
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ros/message_conversion.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -6,8 +6,6 @@
 #include <opencv2/core.hpp>
 #include <sstream>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
@@ -15,6 +13,8 @@
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 
 namespace ktgp_orb::tools {
 namespace {

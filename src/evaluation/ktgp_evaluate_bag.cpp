@@ -3,12 +3,12 @@
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "evaluation/bag_frames.h"
 #include "evaluation/sequence_evaluation.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 
 namespace ktgp_orb::tools {
 namespace {

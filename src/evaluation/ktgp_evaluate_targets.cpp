@@ -5,9 +5,9 @@
 #include <opencv2/core/utility.hpp>
 #include <string>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "evaluation/target_frames.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 
 namespace ktgp_orb::tools {
 namespace {

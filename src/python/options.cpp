@@ -4,8 +4,8 @@
 #include <set>
 #include <stdexcept>
 
-#include "cli/parameter_file.h"
 #include "parameters/options.h"
+#include "tools/parameter_file.h"
 
 namespace ktgp_orb::python {
 namespace {

@@ -15,7 +15,7 @@
 #include "ktgp_orb/status.h"
 #include "tools/bag_writer.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 namespace {
 
 constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
@@ -219,4 +219,4 @@ std::string BagMotion::report() const {
   return text;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

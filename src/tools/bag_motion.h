@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "bag/reader.h"
-#include "cli/matcher_cli.h"
 #include "ros/ground_readings.h"
 #include "ros/message_conversion.h"
+#include "tools/matcher_cli.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 /// The table with the motion in metres; empty name: none.
 struct MotionFile {
@@ -66,4 +66,4 @@ class BagMotion {
   std::size_t known_ = 0;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

@@ -1,6 +1,6 @@
 #include "tools/bag_pipeline.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 FramePipeline::FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed,
                              int threads)
@@ -83,4 +83,4 @@ void FramePipeline::work(Worker& worker) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

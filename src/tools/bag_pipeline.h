@@ -11,7 +11,7 @@
 #include "ktgp_orb/sequence_matcher.h"
 #include "ros/configuration.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 /// Processes several images in parallel, as far as an image does not depend on the results of
 /// earlier ones: extracts the features and, unless the reference depends on earlier results
@@ -57,4 +57,4 @@ class FramePipeline {
   std::vector<std::thread> threads_;  ///< one per worker
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

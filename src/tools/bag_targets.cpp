@@ -7,12 +7,12 @@
 
 #include "bag/reader.h"
 #include "bag/video.h"
-#include "cli/matcher_cli.h"
 #include "files/input.h"
 #include "parameters/target_list.h"
 #include "ros/image_conversion.h"
+#include "tools/matcher_cli.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 namespace {
 
 namespace fs = std::filesystem;
@@ -101,4 +101,4 @@ std::string BagTargets::report() const {
   return text + '\n';
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

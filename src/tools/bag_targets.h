@@ -11,7 +11,7 @@
 #include "ktgp_orb/target_finder.h"
 #include "ros/target_messages.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 /// What to search in the images; empty path: nothing.
 struct TargetsInput {
@@ -57,4 +57,4 @@ class BagTargets {
   std::string no_pose_;  // the first reason
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

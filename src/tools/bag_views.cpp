@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "cli/matcher_cli.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "parameters/parameters.h"
@@ -15,10 +14,11 @@
 #include "ros/message_conversion.h"
 #include "stabilization/steady_path.h"
 #include "tools/bag_writer.h"
+#include "tools/matcher_cli.h"
 #include "util/format.h"
 #include "util/milliseconds.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 namespace {
 
 constexpr std::size_t kPath = 600;  // frames, within which a keyframe is known
@@ -294,4 +294,4 @@ std::string BagViews::report() const {
   return text;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

@@ -16,13 +16,13 @@
 #include <vector>
 
 #include "bag/reader.h"
-#include "cli/video_file.h"
 #include "files/output_file.h"
 #include "ktgp_orb/frame_path.h"
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
+#include "tools/video_file.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 /// Files with views; empty names: none.
 struct ViewOptions {
@@ -133,4 +133,4 @@ class BagViews {
   std::string poses_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

@@ -11,7 +11,7 @@
 #include "ktgp_orb/two_view.h"
 #include "util/format.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kStages = 4;
@@ -146,4 +146,4 @@ void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string
       << row.add(textOf(header.stamp)).skip(1).add("refused").skip(after_status).add(reason).line();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

@@ -12,7 +12,7 @@
 #include "files/output_file.h"
 #include "ros/message_conversion.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 
 /// A stamp in a table: "sec.nsec".
 std::string textOf(const ros::Time& time);
@@ -53,4 +53,4 @@ class MatchWriter {
   std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools

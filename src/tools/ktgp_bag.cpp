@@ -19,9 +19,6 @@
 
 #include "bag/reader.h"
 #include "bag/video.h"
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
-#include "cli/video_file.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
@@ -35,10 +32,13 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
+#include "tools/video_file.h"
 #include "util/format.h"
 #include "util/printable.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::tools {
 namespace {
 
 struct Arguments {
@@ -459,7 +459,7 @@ int run(int argc, char** argv) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::tools
 
 int main(int argc, char** argv) {
   return ktgp_orb::tools::runProgram("ktgp_bag", [&] { return ktgp_orb::run(argc, argv); });

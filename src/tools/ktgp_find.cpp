@@ -3,13 +3,13 @@
 #include <cstdio>
 #include <iostream>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/target_finder.h"
 #include "parameters/target_list.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 #include "util/printable.h"
 
 namespace ktgp_orb::tools {

@@ -9,8 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "cli/matcher_cli.h"
-#include "cli/program.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -18,6 +16,8 @@
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "tools/matcher_cli.h"
+#include "tools/program.h"
 #include "two_view/cameras.h"
 
 namespace ktgp_orb::tools {

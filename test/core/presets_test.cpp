@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "cli/parameter_file.h"
 #include "parameters/options.h"
+#include "tools/parameter_file.h"
 
 namespace ktgp_orb {
 namespace {

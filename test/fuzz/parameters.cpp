@@ -1,9 +1,9 @@
 // The parameter table from texts and files: the core accepts everything that the table accepts.
 #include <stdexcept>
 
-#include "cli/parameter_file.h"
 #include "input.h"
 #include "parameters/options.h"
+#include "tools/parameter_file.h"
 
 namespace ktgp_orb::fuzz {
 namespace {

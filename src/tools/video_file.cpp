@@ -1,4 +1,4 @@
-#include "cli/video_file.h"
+#include "tools/video_file.h"
 
 #include <opencv2/imgproc.hpp>
 

@@ -1,4 +1,4 @@
-#include "cli/matcher_cli.h"
+#include "tools/matcher_cli.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -9,8 +9,8 @@
 #include <memory>
 #include <utility>
 
-#include "cli/parameter_file.h"
 #include "homography/transform.h"
+#include "tools/parameter_file.h"
 #include "util/format.h"
 
 namespace ktgp_orb::tools {

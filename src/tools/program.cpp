@@ -1,4 +1,4 @@
-#include "cli/program.h"
+#include "tools/program.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "cli/parameter_file.h"
+#include "tools/parameter_file.h"
 
 #include <yaml-cpp/yaml.h>
 
