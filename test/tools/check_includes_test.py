@@ -29,7 +29,7 @@ class CheckIncludes(FolderCase):
 
     def test_nothing_includes_the_nodelet(self):
         for where in ('src/tools/ktgp_bag.cpp', 'research/demo/demo_report.cpp',
-                      'src/evaluation/ktgp_evaluate.cpp', 'src/ros/configuration.cpp',
+                      'research/evaluation/ktgp_evaluate.cpp', 'src/ros/configuration.cpp',
                       'src/matching/ktgp_matcher.cpp'):
             self.expect('"nodelet/parameters.h"', where, 'may not include nodelet')
 
