@@ -10,7 +10,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 class CheckIncludes(FolderCase):
     def setUp(self):
         super().setUp()
-        for folder in ('src', 'include'):
+        for folder in ('src', 'research', 'include'):
             shutil.copytree(ROOT / folder, self.folder / folder)
 
     def check(self, root=None, **expected):
@@ -39,17 +39,17 @@ class CheckIncludes(FolderCase):
         self.expect('<sensor_msgs/Image.h>', 'include/ktgp_orb/features.h', 'no ROS here')
         self.expect('<ktgp_orb/KtgpConfig.h>', 'src/sequence/sequence_matcher.cpp',
                     'no ROS here')
-        self.expect('"ros/configuration.h"', core, 'may not include messages')
-        self.expect('"ktgp_orb/ktgp_matcher.h"', core, 'core/knn may not include core')
+        self.expect('"ros/configuration.h"', core, 'may not include ros')
+        self.expect('"ktgp_orb/ktgp_matcher.h"', core, 'matching/knn may not include matching')
         self.expect('<ktgp_orb/sequence_matcher.h>', 'src/matching/ktgp_matcher.cpp',
-                    'core may not include core/sequence')
+                    'matching may not include sequence')
 
     def test_the_stages_make_no_circle(self):
         (self.folder / 'src/matching/knn/a.h').write_text('#include "matching/gms/b.h"\n')
         (self.folder / 'src/matching/gms/b.h').write_text('')
         self.check()
         (self.folder / 'src/matching/gms/b.h').write_text('#include "matching/knn/a.h"\n')
-        self.check(code=1, prints='core/gms -> core/knn -> core/gms')
+        self.check(code=1, prints='matching/gms -> matching/knn -> matching/gms')
 
     def test_paths_are_given_from_src(self):
         self.expect('"frames.h"', 'src/sequence/sequence_matcher.cpp', 'no such file')
