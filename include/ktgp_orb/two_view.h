@@ -28,6 +28,22 @@ enum class Geometry : std::uint8_t {
 /// The enumerator's own name, e.g. "epipolar".
 const char* toString(Geometry geometry);
 
+/// Why another explanation of the pairs is not excluded, or why all were refused.
+enum class Doubt : std::uint8_t {
+  none = 0,
+  two_motions_of_a_plane = 1,    ///< a plane allows two motions, and no pair tells them apart
+  few_points_off_the_plane = 2,  ///< the pairs off a dominant plane are too few, or in one place
+  small_parallax = 3,            ///< another direction of the translation fits as well, or its sign
+  repetitive = 4,                ///< wrong pairings of a texture that repeats itself fit as well
+  moving_region = 5,             ///< a turn or standing still explains all but one compact region
+  mirrored = 6,      ///< the keypoints turn or scale against the motion, as in a mirror image
+  other_motion = 7,  ///< another motion fits as well for none of these reasons
+  undetermined = 8,  ///< the inliers do not determine the geometry
+};
+
+/// The enumerator's own name, e.g. "small_parallax".
+const char* toString(Doubt doubt);
+
 /// Options of the two-view geometry.
 struct TwoViewOptions {
   /// Largest reprojection error of an inlier of a homography in the target, px, > 0. The largest
@@ -80,9 +96,19 @@ struct ScenePoint {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
+/// A motion that explains the pairs about as well as the likeliest one.
+struct OtherMotion {
+  Geometry geometry = Geometry::none;
+  RelativePose pose;
+  Covariance6 pose_covariance = Covariance6::Zero();  ///< as TwoView::pose_covariance, of this one
+  double probability = 0.0;                           ///< in [0, 1]
+};
+
 /// Reused from call to call for its buffers.
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
+  /// ok: why `other` is not excluded; model_rejected: why there is no answer; else none.
+  Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 
   /// Plane and rotation: the homography. For an epipolar geometry, that of its dominant plane, if
@@ -91,13 +117,15 @@ struct TwoView {
   /// x_target^T F x_reference = 0, px, of norm 1; zero for a rotation and for a plane without K.
   Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
 
-  /// With K: the motion. A plane allows up to two; this is the likelier one, the other follows in
-  /// `other_pose`.
+  /// With K: the likeliest motion, and its probability in [0, 1]: the rest is that of `other`, the
+  /// next likely one that is really different, where that is not excluded.
   RelativePose pose;
-  std::optional<RelativePose> other_pose;
+  double probability = 0.0;
+  std::optional<OtherMotion> other;
   /// Of small changes of the translation (x, y, z) and small rotations about the target camera's
   /// axes (rad), in this order. The length of the translation is fixed, so it has rank 5; 3 for a
-  /// rotation, with a translation of variance 0. NaN without K or where it is not known.
+  /// rotation, with a translation of variance 0. Where there is `other`, it spans both motions. NaN
+  /// without K or where it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Median angle between the two rays of an inlier, degrees; NaN without K.
   double parallax = 0.0;
@@ -131,7 +159,8 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// point along the epipolar lines, more often than random directions would. So a plane with a few
 /// other points gives the geometry of all of them, and a plane alone stays a plane.
 ///
-/// model_rejected: an epipolar geometry is significant but not determined by its inliers.
+/// model_rejected: a geometry is significant, but contradicted or not determined; TwoView::doubt
+/// says why.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewEstimator {

@@ -32,8 +32,9 @@ void setPose(const TwoView& view, TwoViewGeometry& message) {
   message.has_pose = true;
   message.pose = toMessage(toPose(view.pose), view.pose_covariance);
   message.parallax = view.parallax;
-  if (!view.other_pose) return;
-  message.other_pose.push_back(toMessage(toPose(*view.other_pose), Covariance6::Zero()).pose);
+  if (!view.other) return;
+  message.other_pose.push_back(
+      toMessage(toPose(view.other->pose), view.other->pose_covariance).pose);
 }
 
 }  // namespace

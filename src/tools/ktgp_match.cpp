@@ -233,7 +233,7 @@ void printTwoView(const MatchResult& result) {
                   degrees * std::sqrt(view.pose_covariance.bottomRightCorner<3, 3>().trace()),
                   degrees * std::sqrt(view.pose_covariance.topLeftCorner<3, 3>().trace()));
     }
-    if (view.other_pose) printPose("or, as likely for this plane", *view.other_pose);
+    if (view.other) printPose("or, as likely for this plane", view.other->pose);
   } else if (result.geometry == Geometry::epipolar) {
     std::printf("fundamental matrix (--camera fx,fy,cx,cy gives the motion)\n");
     printMatrix(view.fundamental);
@@ -311,7 +311,7 @@ json twoViewToJson(const MatchResult& result) {
   if (!view.fundamental.isZero(0.0)) out["fundamental"] = tools::toJson(view.fundamental);
   if (!two_view::hasPose(view)) return out;
   out["pose"] = toJson(view.pose);
-  if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
+  if (view.other) out["other_pose"] = toJson(view.other->pose);
   if (!view.pose_covariance.allFinite()) return out;
   out["pose_covariance"] = json::array();
   for (Eigen::Index i = 0; i < 36; ++i) {

@@ -103,7 +103,13 @@ void setPlaneMotion(const PointPairs& pairs, const Cameras& cameras, const Covar
   const Eigen::Vector3d direction = best->translation.normalized();
   view.pose = {best->rotation, direction};
   view.fundamental = cameras.fundamentalOf({best->rotation, direction}).normalized();
-  if (second) view.other_pose = RelativePose{second->rotation, second->translation.normalized()};
+  if (second) {
+    view.probability = 0.5;
+    view.other = OtherMotion{Geometry::plane,
+                             {second->rotation, second->translation.normalized()},
+                             covarianceOf(*second, cameras, covariance),
+                             0.5};
+  }
   view.pose_covariance = covarianceOf(*best, cameras, covariance);
 }
 

@@ -34,6 +34,12 @@ const char* toString(Geometry geometry) {
   return util::nameOf<Geometry::epipolar>(geometry, {"none", "plane", "rotation", "epipolar"});
 }
 
+const char* toString(Doubt doubt) {
+  return util::nameOf<Doubt::undetermined>(
+      doubt, {"none", "two_motions_of_a_plane", "few_points_off_the_plane", "small_parallax",
+              "repetitive", "moving_region", "mirrored", "other_motion", "undetermined"});
+}
+
 struct TwoViewEstimator::Impl {
   explicit Impl(const TwoViewOptions& given)
       : options(given),
@@ -105,15 +111,21 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   result.log_false_alarms_epipolar = log_epipolar;
   if (has_plane) result.homography = plane.answer.homography;
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
-    if (setEpipolar(pairs, input, result)) return;
+    if (setEpipolar(pairs, input, result)) {
+      result.probability = 1.0;
+      return;
+    }
     result.status = Status::model_rejected;
+    result.doubt = Doubt::undetermined;
   }
   if (!has_plane) return;
+  result.probability = 1.0;
   if (log_rotation <= log_plane) {
     setRotation(pairs, result);
   } else {
     setPlane(pairs, result);
   }
+  result.doubt = result.other ? Doubt::two_motions_of_a_plane : Doubt::none;
 }
 
 bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& result) {

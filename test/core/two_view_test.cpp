@@ -303,7 +303,7 @@ TEST_P(Chosen, IsTheGeometryOfTheScene) {
     };
     right += result.geometry == geometry;
     good += world.kept(result) > 0.93 &&
-            (isNear(result.pose) || (result.other_pose && isNear(*result.other_pose)));
+            (isNear(result.pose) || (result.other && isNear(result.other->pose)));
   }
   EXPECT_GE(right, kRuns * 99 / 100);
   EXPECT_GE(good, kRuns * percent / 100);
@@ -427,8 +427,8 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
       estimator.estimate(world.pairs, world.input(), result);
       if (result.status != Status::ok) continue;
       if ((result.geometry == Geometry::rotation) != (shape == Shape::turn)) continue;
-      if (result.other_pose &&
-          world.directionError(*result.other_pose) < world.directionError(result.pose)) {
+      if (result.other &&
+          world.directionError(result.other->pose) < world.directionError(result.pose)) {
         continue;  // the plane's other pose is the true one
       }
       const double error = normalisedError(world, result, freedom);
@@ -804,7 +804,7 @@ TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
   EXPECT_EQ(result.alignment.status, AlignmentStatus::ok);
   const TwoView& view = result.two_view.view;
   const bool first = directionError(view.pose, motion()) < 0.05;
-  EXPECT_TRUE(first || (view.other_pose && directionError(*view.other_pose, motion()) < 0.05));
+  EXPECT_TRUE(first || (view.other && directionError(view.other->pose, motion()) < 0.05));
   for (const Correspondence& c : result.correspondences) EXPECT_LE(c.level, Level::ktgp);
 }
 
