@@ -2,15 +2,18 @@
 
 import importlib.machinery
 import os
+import signal
+import subprocess
 import sys
 import tempfile
 import unittest
 
+import rosgraph
 import rospy
 import yaml
 from dynamic_reconfigure.server import Server
 from ktgp_orb.cfg import GroundMotionConfig, KtgpConfig
-from ktgp_testing import own_master, virtual_display, wait_until
+from ktgp_testing import TIMEOUT, own_master, virtual_display, wait_until
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.dont_write_bytecode = True
@@ -62,6 +65,7 @@ class SlidersTest(unittest.TestCase):
         window.rows['T_w'].variable.set('much')
         window.rows['T_w'].changed()
         self.assertEqual(window.rows['T_w'].variable.get(), '0.7')
+        self.assertEqual(window.status.get(), 'T_w: "much" is not a number; the value stays 0.7')
 
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, 'tuned.yaml')
@@ -77,6 +81,39 @@ class SlidersTest(unittest.TestCase):
         self.until(window, lambda: window.rows['T_G'].variable.get() == '9', 'a change elsewhere is shown')
         window.wanted.put(window.start)  # Reset
         self.until(window, lambda: (values['T_w'], values['T_G']) == (window.start['T_w'], 6.0), 'the server has its old values')
+
+    def test_a_value_outside_the_range_is_set_to_its_end_with_a_message(self):
+        window, values, _ = self.open(KtgpConfig, 'limits')
+        window.rows['T_w'].variable.set('7')
+        window.rows['T_w'].changed()
+        self.assertEqual(window.status.get(), 'T_w: 7 is outside 0 to 1; it is set to 1')
+        self.until(window, lambda: values['T_w'] == 1.0, 'the server has the limit')
+        self.assertEqual(window.status.get(), 'T_w: 7 is outside 0 to 1; it is set to 1', 'the message stays')
+
+    def test_the_left_quarter_of_t_w_is_its_default(self):
+        window, values, _ = self.open(KtgpConfig, 'drag')
+        row = window.rows['T_w']
+        for position, expected in ((0.5, 0.5), (0.05, 0.0), (0.6, 0.6), (0.24, 0.0)):
+            row.dragged(position)
+            self.until(window, lambda expected=expected: values['T_w'] == expected, 'T_w is %g' % expected)
+
+    def test_the_description_is_inside_the_window(self):
+        window, _, _ = self.open(KtgpConfig, 'help')
+        window.rows['T_w'].slider.event_generate('<Enter>')
+        self.until(window, lambda: window.help.get().startswith('T_w: Ratio threshold'), 'the description is shown')
+
+    def test_ctrl_c_closes_the_window_without_a_traceback(self):
+        server = Server(KtgpConfig, lambda new, _: new, 'ctrl_c')
+        process = subprocess.Popen([os.path.join(ROOT, 'scripts/sliders'), '/sliders_test/ctrl_c'],
+                                   stderr=subprocess.PIPE, universal_newlines=True)
+        topic = '/sliders_test/ctrl_c/parameter_updates'
+        wait_until(lambda: any(name == topic and any('sliders' in node and node != '/sliders_test' for node in nodes)
+                               for name, nodes in rosgraph.Master('/sliders_test').getSystemState()[1]),
+                   'the window follows the server')
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.communicate(timeout=TIMEOUT)[1], '')
+        self.assertEqual(process.returncode, 0)
+        del server
 
     def test_a_wide_range_is_logarithmic(self):
         window, values, _ = self.open(GroundMotionConfig, 'ground_motion')
