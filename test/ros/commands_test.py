@@ -140,6 +140,7 @@ NOT_RUN = {
     'dev/check_workspace runs it, or its like, in a workspace of its own, in CI': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
+    'dev/check runs it, where Doxygen is': ['cmake --build BUILD --target doc'],
     'this is such a clone': ['git clone <this repository> ktgp_orb && cd ktgp_orb'],
     'runs this test': ['scripts/test{, -R robot_}'],
     'another test does: demo, launch_run (with a stand-in for rviz), sliders, recordings, ktgp_evaluate_test': [
