@@ -50,7 +50,7 @@ struct AlignedPoint {
 struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
   UncertainHomography answer;        ///< unless the status is ok, the given one
-  std::vector<AlignedPoint> points;  ///< those that could be aligned, in order of `match`
+  std::vector<AlignedPoint> points;  ///< the points that could be aligned, in order of `match`
   std::size_t tried = 0;  ///< points chosen; the following counts say why some could not be aligned
   std::size_t outside = 0;       ///< the patch, or its search window, leaves an image
   std::size_t distorted = 0;     ///< H compresses or stretches the patch too much

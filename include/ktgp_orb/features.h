@@ -11,7 +11,7 @@ namespace ktgp_orb {
 /// Bytes of one descriptor (256 bits).
 constexpr int kDescriptorBytes = 32;
 
-/// What the bits of a descriptor mean. Only descriptors of the same kind can be compared.
+/// Meaning of the bits of a descriptor. Only descriptors of the same kind can be compared.
 enum class DescriptorKind : std::uint8_t {
   orb,     ///< rBRIEF: pairs of pixels (Rublee et al., ICCV 2011)
   teblid,  ///< TEBLID-256: pairs of box means (Suarez, Buenaposada & Baumela, RA-L 2021)

@@ -41,7 +41,7 @@ class FramePath {
 
   std::size_t length_;
   std::deque<Step> steps_;
-  std::optional<Step> reference_;  // of the newest frame; may be older than all steps
+  std::optional<Step> reference_;  // reference of the newest frame; may be older than all steps
 };
 
 }  // namespace ktgp_orb

@@ -45,7 +45,7 @@ struct GmsResult {
 /// of its matches. A best pair is supported when enough matches lead from the cells around one to
 /// the cells around the other (see GmsOptions::threshold). A correspondence is kept when its two
 /// cells are a supported best pair in the grid, or in one of three copies shifted by half a cell.
-/// Of several rotations and scales, the one that keeps most matches wins; for equal numbers the
+/// Among several rotations and scales, the one that keeps most matches wins; for equal numbers the
 /// first, in the order scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each scale, rotation 0 to 315.
 /// The result equals that of the GMS authors' program, match for match. That program does not check
 /// for keypoints on or beyond the right and bottom border; here they are in no cell.

@@ -39,7 +39,7 @@ struct TurnReading {
   double age = 0.0;        ///< s before the time between the frames, for GroundEstimate::imu alone
 };
 
-/// What is wrong with a reading, and what would be right; empty: nothing.
+/// The fault of a reading and the remedy, as text; empty: the reading is fine.
 std::string whyUnusable(const HeightReading& reading);
 std::string whyUnusable(const DownReading& reading);
 std::string whyUnusable(const TurnReading& reading);
@@ -47,11 +47,11 @@ std::string whyUnusable(const TurnReading& reading);
 /// A frame of the camera.
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
-  std::int64_t reference_stamp = 0;  ///< of the frame that the homography starts from
+  std::int64_t reference_stamp = 0;  ///< stamp of the frame that the homography starts from
   /// Reference -> this frame, px without lens distortion; empty: none was found.
   std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
-  cv::Size size;  ///< of the image, px; without it the shutter counts as a global one
+  cv::Size size;  ///< size of the image, px; without it the shutter counts as a global one
   std::optional<HeightReading> height;
   std::optional<DownReading> down;
   std::optional<TurnReading> turn;
@@ -77,7 +77,7 @@ struct GroundMotionOptions {
   double max_tilt_deviation = 0.1;
 };
 
-/// What is known after a frame.
+/// State of the motion after a frame.
 enum class GroundStatus : std::uint8_t {
   ok = 0,             ///< pose and twist
   started = 1,        ///< the first frame: a pose without a twist
@@ -108,14 +108,14 @@ struct ImuMounting {
   /// How much later its stamps are than those of images of the same time, s.
   double delay = 0.0;
   double delay_deviation = 0.0;
-  /// Of the angular velocity, in the base frame, rad/s: what is to be subtracted from it.
+  /// Bias of the angular velocity, in the base frame, rad/s; subtract it.
   Eigen::Vector3d bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_deviation = Eigen::Vector3d::Zero();
 };
 
 /// All that is known, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms late".
 std::string describe(const ImuMounting& imu);
-/// What is certainly wrong, and large enough to matter, in words; empty: nothing.
+/// The errors that are certain and large enough to matter, as text; empty: none.
 std::string troubleOf(const ImuMounting& imu);
 
 /// Position and velocity of the vehicle's base.
@@ -124,7 +124,7 @@ struct GroundEstimate {
   /// Base -> odometry frame. Its ground is z = 0, z points up. Where the odometry starts, the base
   /// is above the origin and its x axis points along x.
   Pose3 base_to_odometry = Pose3::Identity();
-  /// Of x, y, z (m) and of small rotations about the axes of the odometry frame (rad).
+  /// Covariance of x, y, z (m) and of small rotations about the axes of the odometry frame (rad).
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Velocity (m/s) and angular velocity (rad/s) in the base frame: the constant ones that move the
   /// base from its pose at the previous frame to this one.
@@ -147,15 +147,15 @@ struct GroundEstimate {
   static constexpr double kContradiction = 6.0;
   bool height_used = false;  ///< given, and its misfit is within kContradiction
   bool down_used = false;
-  /// What the given turns are, compared with those that the pictures show: 1 is expected, -1: an
+  /// The given turns divided by those that the pictures show: 1 is expected, -1: an
   /// angular velocity that counts the other way, 57.3: in degrees. 0: too little was seen.
   double turn_ratio = 0.0;
   /// The readout time of a rolling shutter, as far as the pictures show it, and its standard
   /// deviation, s.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
-  /// Of the Imu that gives turns or directions; nothing is corrected by it. Learned over minutes,
-  /// empty before the motion shows anything.
+  /// Mounting of the Imu that gives turns or directions; nothing is corrected by it. Learned over
+  /// minutes, empty before the motion shows anything.
   std::optional<ImuMounting> imu;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }

@@ -44,7 +44,7 @@ struct GrowthResult {
   UncertainHomography answer;  ///< zero unless found
   /// The matches of the homography, mutual nearest within 4 px; empty unless found.
   PointPairs pairs;
-  /// Those matches whose keypoint belongs to the reference itself, not to a simulated view, in
+  /// The matches whose keypoint belongs to the reference itself, not to a simulated view, in
   /// target order, with Level::guided.
   std::vector<Correspondence> matches;
   std::size_t support = 0;        ///< pairs of the last judged homography, at most one in 6x6 px
@@ -60,7 +60,7 @@ struct GrowthResult {
 /// A homography to be judged beside those that grow.
 struct GrowthStart {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< of its matches in the reference, px
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< centre of its matches in the reference, px
 };
 
 /// Finds a homography that few matches agree with. PROSAC draws samples of four matches; when one

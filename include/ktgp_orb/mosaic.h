@@ -68,7 +68,7 @@ class Mosaic {
   /// Called with the map, as image() gives it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Of the last placed frame: map -> frame, px; empty where it is lost.
+  /// Pose of the last placed frame: map -> frame, px; empty where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Whether the last placed frame is lost since the ground looks the same when it is moved, and
   /// neither its velocity nor the homographies tell by how much.

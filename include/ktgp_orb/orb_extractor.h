@@ -20,7 +20,7 @@ enum class KeypointDistribution : std::uint8_t {
   uniform,
 };
 
-/// What happens to the images that the features were found in.
+/// Whether the images that the features were found in are kept.
 enum class ImageKeeping : std::uint8_t {
   none,   ///< Features::images stay empty: no sub-pixel alignment
   copy,   ///< the image is copied and its pyramid kept

@@ -15,7 +15,7 @@ struct FrameView {
   const Features& features;
 };
 
-/// What drawOverlay shows.
+/// Kinds of pictures of drawOverlay.
 enum class OverlayStyle : std::uint8_t {
   flow,          ///< the target; a stroke from the old to the new position of each final match
   side_by_side,  ///< reference and target side by side; lines join some of the matches

@@ -20,7 +20,7 @@ struct ProsacOptions {
   int max_iterations = 2000;  ///< most samples, 1..1000000
   /// 1 - eta0 of the maximality rule: probability that no better model was missed, in (0, 1).
   double confidence = 0.995;
-  std::uint64_t seed = 1;  ///< of the sampling; the same seed gives the same answer
+  std::uint64_t seed = 1;  ///< random seed of the sampling; the same seed gives the same answer
 };
 
 /// The input of the estimator: parallel arrays of equal length.

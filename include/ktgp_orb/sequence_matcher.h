@@ -14,7 +14,7 @@
 
 namespace ktgp_orb {
 
-/// What a frame is matched to.
+/// Choice of the frame that a frame is matched to.
 enum class ReferenceMode : std::uint8_t {
   previous,  ///< the previous frame, as in the paper
   keyframe,  ///< one frame while it overlaps and gives enough matches: less drift

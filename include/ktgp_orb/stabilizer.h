@@ -73,7 +73,7 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // without their warps
-  Corners correction_;  // of the newest finished frame: where its corners were moved to, px
+  Corners correction_;  // where the corners of the newest finished frame were moved to, px
   Corners fading_;      // the rest of the correction before the path began anew
   std::int64_t fading_since_ = 0;
 };

@@ -23,7 +23,7 @@ struct Target {
   /// 8-bit grey, one or more. Each shows the whole object and nothing else, in its own way (for
   /// example by day and by night).
   std::vector<cv::Mat> images;
-  double width = 0.0;  ///< what the images show from left to right, m; 0: not known
+  double width = 0.0;  ///< width of the flat object in the images, m; 0: not known
   /// Name for the caller (tf), without a leading slash, which is left out. No other target has it,
   /// also not as FRAME_1 ... of its instances.
   std::string frame;
@@ -40,7 +40,8 @@ struct TargetFinderOptions {
     options.distribution = KeypointDistribution::uniform;
     return options;
   }();
-  int features = 500;  ///< of each image of a target, 50..5000; its views have five times as many
+  int features =
+      500;  ///< most keypoints of an image of a target, 50..5000; its views have five times as many
   int largest_side = 400;  ///< px, 64..4000; larger images of targets are made smaller, for memory
   /// Images that each image of a target is searched as: 1: itself, at full, half and quarter size;
   /// 5: also four views of it with a tilt of 2, at all these sizes.
@@ -58,7 +59,7 @@ struct TargetFinderOptions {
   /// of the index and one target are always searched. The extraction and the targets of the last
   /// frame come on top.
   double search_ms = std::numeric_limits<double>::infinity();
-  int max_instances = 8;  ///< of one target in a frame, 1..1000
+  int max_instances = 8;  ///< most copies of one target in a frame, 1..1000
 };
 
 /// A target in a frame.
@@ -69,7 +70,7 @@ struct DetectedTarget {
   /// this one was found, so that only one of the two can be there.
   Status status = Status::ok;
   std::size_t image = 0;  ///< the image of the target that was found
-  cv::Size image_size;    ///< of that image, px
+  cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
   /// How its picture looks like itself in another pose, such as "turned by 180 degrees": then this
@@ -88,7 +89,7 @@ struct DetectedTarget {
   /// Its keypoints were not found, but the image looks like its picture near the predicted
   /// position. Rests on the frame before; the chance of a false alarm is larger.
   bool predicted = false;
-  /// What the homography was fitted to: positions in the target's image and in the frame, px.
+  /// Pairs that the homography was fitted to: positions in the target's image and in the frame, px.
   PointPairs pairs;
 };
 
@@ -97,10 +98,10 @@ struct TargetFrame {
   /// Ordered by id, then by instance.
   std::vector<DetectedTarget> detections;
 
-  // What was done on the frame.
+  // Counts of the search.
   std::size_t known = 0;       ///< targets
   std::size_t candidates = 0;  ///< targets with a chance: some keypoints that fit together
-  std::size_t tried = 0;       ///< of these
+  std::size_t tried = 0;       ///< number of these targets that were tried
   /// Frames within which all keypoints are looked up in the index and every candidate is tried, if
   /// it stays one: 1 if this was done.
   std::size_t frames_for_all = 1;
