@@ -17,8 +17,8 @@ struct LocalFrame {
 };
 constexpr std::size_t kLocalFrameValues = 5;
 
-constexpr float kAlikeCosine = 0.825336F;    ///< of the largest rotation, 0.6 rad
-constexpr float kAlikeLogScale = 0.587787F;  ///< of the largest ratio of sizes, 1.8
+constexpr float kAlikeCosine = 0.825336F;    ///< cosine of the largest rotation, 0.6 rad
+constexpr float kAlikeLogScale = 0.587787F;  ///< logarithm of the largest ratio of sizes, 1.8
 
 /// The inner loop of LocalMatcher::match(), one per instruction set; all give the same numbers.
 struct AlikeKernel {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kFewestForHomography = 12;
 
-/// Of the farthest keypoint of the reference from the centre, px.
+/// Distance of the farthest keypoint of the reference from the centre, px.
 double farthest(const Eigen::Vector2d& centre, const ReferenceFrames& reference) {
   double squared = 0.0;
   for (const LocalFrame& frame : reference.frames()) {

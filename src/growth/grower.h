@@ -24,7 +24,7 @@ struct GrowthPlan {
   /// were out of reach so far may be off by so much.
   float settle_radius;
   int last_rounds;           ///< most rounds at the last radius, while there are more matches
-  std::size_t fewest_pairs;  ///< that each round needs
+  std::size_t fewest_pairs;  ///< fewest pairs that a round needs
   /// Pairs within the last radius that round 0 needs, and how many more each next one. A right seed
   /// has found several times as many; a wrong one, which take nearly all of the time, seldom has as
   /// many twice in a row.
@@ -60,10 +60,12 @@ class Grower {
   bool search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach, float radius,
               ReferenceFrames& reference, LocalMatcher& matcher);
 
-  /// Of the last search: the predictions and their matches.
+  /// The predictions of the last search and their matches.
   const std::vector<Prediction>& predictions() const { return predictions_; }
   const std::vector<LocalMatch>& matches() const { return matches_; }
-  const PointPairs& pairs() const { return pairs_; }  ///< of the matches; quality: the distance
+  const PointPairs& pairs() const {
+    return pairs_;
+  }  ///< pairs of the matches; quality: the distance
 
  private:
   std::size_t exactPairs() const;

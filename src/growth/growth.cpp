@@ -70,18 +70,18 @@ struct HomographyGrowth::Impl {
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::HomographyVerdict whole_view;
-  cv::Size image_size;       // of the reference
+  cv::Size image_size;       // size of the reference
   std::size_t own_size = 0;  // number of its own keypoints, without those of its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
-  growth::Places near, near_in_target;  // of the voters
+  growth::Places near, near_in_target;  // places of the voters
   std::vector<Eigen::Matrix3d> tried;   // maps that the seeds grew to
   std::vector<Grown> grown;             // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
-  std::size_t start_place = 0;        // of the start among them; behind them all if there is none
-  std::vector<std::size_t> order;     // of `grown`, the best first
-  std::vector<cv::Point2f> repeats;   // of one map
+  std::size_t start_place = 0;        // place of the start among them; behind all if there is none
+  std::vector<std::size_t> order;     // order of `grown`, the best first
+  std::vector<cv::Point2f> repeats;   // repeats of one map
   std::vector<std::uint8_t> covered;  // buffer of growth::contradicts
 };
 

@@ -73,9 +73,9 @@ class LocalMatcher {
   // Cell by cell.
   std::vector<LocalFrame> frames_;
   std::vector<float> columns_;  // the same, for the kernel: x of all, y of all ...
-  std::size_t pitch_ = 0;       // of the columns
+  std::size_t pitch_ = 0;       // distance of two columns, elements
   std::vector<Bits> bits_;
-  std::vector<std::uint32_t> position_;       // of each keypoint among them
+  std::vector<std::uint32_t> position_;       // position of each keypoint among them
   std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;

@@ -47,7 +47,7 @@ class ReferenceFrames {
   std::vector<View> views_;
   std::vector<double> squeeze_;  // tilt from each view
   std::vector<std::uint8_t> chosen_;
-  std::vector<std::uint16_t> view_of_;  // of each keypoint
+  std::vector<std::uint16_t> view_of_;  // view of each keypoint
   std::vector<LocalFrame> frames_;
   std::vector<Bits> bits_;
 };

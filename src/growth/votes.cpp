@@ -7,10 +7,10 @@ namespace ktgp_orb::growth {
 namespace {
 
 constexpr float kReach = 120.F;          // px of the reference
-constexpr float kCosine = 0.877583F;     // of 0.5 rad
-constexpr float kLogScale = 0.470004F;   // of 1.6
+constexpr float kCosine = 0.877583F;     // cosine of 0.5 rad
+constexpr float kLogScale = 0.470004F;   // logarithm of 1.6
 constexpr float kSlack = 4.F;            // px of the target
-constexpr float kRelativeSlack = 0.45F;  // of the distance there
+constexpr float kRelativeSlack = 0.45F;  // share of the distance
 
 constexpr float kCell = 8.F;  // px
 

@@ -20,7 +20,7 @@ class Votes {
   /// Two keypoints that may show the same point.
   struct Similarity {
     float x, y, u, v;                  ///< their positions, px
-    float cosine, sine;                ///< of the rotation
+    float cosine, sine;                ///< cosine and sine of the rotation
     float scale, log_scale;            ///< target over reference
     std::uint32_t from_cell, to_cell;  ///< where their votes count once; see count()
   };

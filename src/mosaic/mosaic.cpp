@@ -233,7 +233,7 @@ struct Mosaic::Impl {
     const bool is_known = expected || isPredictable(stamp);
     is_ambiguous = options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0;
     if (is_ambiguous) return lose(stamp, {});
-    // What comes after a gap overlaps most with what came before it.
+    // A frame after a gap overlaps most with the frames just before it.
     if (!expected && last_features && hasRoom() &&
         keyframes.coverage(size, *last) < kCoveredBeforeGap) {
       keyframes.add(std::move(*last_features), *last);

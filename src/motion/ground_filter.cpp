@@ -37,7 +37,7 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
 }  // namespace
 
 void GroundFilter::setReadout(double seconds) {
-  constexpr double kShare = 0.1;  // of what was given
+  constexpr double kShare = 0.1;  // share of the given value
   readout_ = std::max(seconds, 0.0);
   const double deviation = seconds < 0.0 ? util::kUnknownReadout : kShare * readout_;
   covariance_.row(kReadout).setZero();
@@ -58,7 +58,7 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
 }
 
 /// Puts the frame below the newest pose: the errors of x, y and yaw of the pose become its errors.
-/// What belongs to the map and to the pose before is lost.
+/// Drops the state of the map and of the pose before.
 void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);

@@ -18,7 +18,7 @@ using util::SmallRef;
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Of the same small rotations by those of the camera then: what a wrong normal does.
+  /// Derivative of the small rotations now by those of the camera then: effect of a wrong normal.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
@@ -97,7 +97,7 @@ class GroundFilter {
               GroundEstimate& estimate) const;
   /// Standard deviation of the newest pose's tilt about one axis, rad.
   double tiltDeviation() const;
-  /// Of the poses before and now.
+  /// Joint covariance of the poses before and now.
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }

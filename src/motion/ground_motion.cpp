@@ -57,12 +57,12 @@ struct GroundMotion::Impl {
   GroundMotionOptions options;
   GroundFilter filter;
   GroundEstimate estimate;
-  bool has_pose = false;      // of the frame at last_stamp
+  bool has_pose = false;      // whether the frame at last_stamp has a pose
   bool is_connected = false;  // the map of the keyframe is valid
   std::int64_t last_stamp = 0;
   std::optional<TurnReading> turned;  // since that frame; empty: a reading was missing
   std::int64_t newest_stamp = 0;      // also of frames without a homography
-  std::int64_t before_stamp = 0;      // of the frame before that
+  std::int64_t before_stamp = 0;      // stamp of the frame before that
   bool has_frame = false;
   int looks_away = 0;  // normals that say so, one after the other
   std::int64_t keyframe_stamp = 0;
@@ -78,9 +78,9 @@ struct GroundMotion::Impl {
   Innovations of_turn;
   double turn_given_and_seen = 0.0;  // sums of products, rad²
   double turn_seen = 0.0;
-  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // of the newest turn, rad/s
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // rate of the newest turn, rad/s
   int contradictions = 0;                          // refused frames one after the other
-  std::optional<Pose3> destination;                // of the base, see setPose()
+  std::optional<Pose3> destination;                // wanted pose of the base, see setPose()
   Covariance6 destination_covariance = Covariance6::Zero();
 };
 

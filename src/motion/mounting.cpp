@@ -175,7 +175,7 @@ void Mounting::learn(Said difference) {
 
 /// The noise and the unknowns depend on each other, but weakly.
 void Mounting::solve() {
-  constexpr double kRows = 10.0;  // that noise as given counts for
+  constexpr double kRows = 10.0;  // measurements that the given noise counts for
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
       Eigen::Vector3d::Constant(kPrior[3]);

@@ -12,13 +12,13 @@ namespace ktgp_orb::motion {
 /// Finds how an Imu is mounted and stamped, from the difference between its readings and the
 /// rotation that the pictures show.
 ///
-/// What the Imu says is turned into each new frame by the rotation of the pictures. The sum of its
-/// turns, or its direction n to the ground, is constant then, but for the mounting m, the delay d
-/// and the bias b. To first order these change it by m - w d + b t for turns, and by
-/// n x (m - b t) + (w x n) d for directions, where w is the angular velocity. For directions, b is
-/// a drift of the pictures. A wrong normal adds three unknowns. The constant drops out of the
-/// difference of the means of successive blocks of half a second. The ten unknowns follow by
-/// weighted least squares that forget within five minutes, the noise from the residuals.
+/// The readings of the Imu are turned into each new frame by the rotation of the pictures. The sum
+/// of its turns, or its direction n to the ground, is constant then, but for the mounting m, the
+/// delay d and the bias b. To first order these change it by m - w d + b t for turns, and by n x (m
+/// - b t) + (w x n) d for directions, where w is the angular velocity. For directions, b is a drift
+/// of the pictures. A wrong normal adds three unknowns. The constant drops out of the difference of
+/// the means of successive blocks of half a second. The ten unknowns follow by weighted least
+/// squares that forget within five minutes, the noise from the residuals.
 class Mounting {
  public:
   /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
@@ -30,7 +30,7 @@ class Mounting {
   void endFrame();
   /// In the base frame; `to_base`: camera -> base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
-  /// What a delay and the mounting, where the pictures show them, add to the deviation of a turn of
+  /// Deviation that a delay and the mounting, where the pictures show them, add to a turn of
   /// the Imu, rad. `change`: of the angular velocity since the turn before, rad/s.
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
@@ -39,11 +39,11 @@ class Mounting {
   using Unknowns = Eigen::Matrix<double, kSize, 1>;
   using Information = Eigen::Matrix<double, kSize, kSize>;
   using Slope = Eigen::Matrix<double, 3, kSize>;
-  /// What the Imu says, and its derivatives by the unknowns.
+  /// A reading of the Imu, and its derivatives by the unknowns.
   struct Said {
     Eigen::Vector3d value = Eigen::Vector3d::Zero();
     Slope slope = Slope::Zero();
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the noise
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // covariance of the noise
 
     void turn(const Eigen::Matrix3d& by);
     void add(const Said& other);
@@ -60,19 +60,19 @@ class Mounting {
   bool is_running_ = false;   // the last frame was added
   bool gives_turns_ = false;  // else directions
   int without_turn_ = 0;      // frames, one after the other
-  SeenTurn last_;             // of the last frame
+  SeenTurn last_;             // turn of the last frame
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
   Said turned_;                 // the turns of the Imu since the start, less those of the pictures
   Said block_;                  // sum
-  int count_ = 0;               // of frames in it
-  double seconds_ = 0.0;        // of it
+  int count_ = 0;               // number of frames in the block
+  double seconds_ = 0.0;        // length of the block
   std::optional<Said> before_;  // mean of the block before
 
   Information information_ = Information::Zero();
   Unknowns weighted_ = Unknowns::Zero();
-  double square_ = 0.0;  // of what was measured, in units of its noise
-  double rows_ = 0.0;    // that it has
+  double square_ = 0.0;  // sum of squared residuals, in units of their noise
+  double rows_ = 0.0;    // number of measurements in `square_`
   double noise_ = 1.0;   // variance of the residuals, as a multiple of the one that was given
   Unknowns unknowns_ = Unknowns::Zero();
   Information covariance_ = Information::Identity();

@@ -10,7 +10,8 @@ namespace {
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
-/// Of the twist in reverse order: turning, approach, shift. Each is what those before leave open.
+/// Parts of the twist, in reverse order: turning, approach, shift. Each is what those before leave
+/// open.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
 }
@@ -47,12 +48,12 @@ DownReading Relief::widened(DownReading reading) const {
 
 void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
   constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
-  // Of that difference, for twists between poses with independent errors of variance 1/2.
+  // Variance of that difference, for twists between poses with independent errors of variance 1/2.
   constexpr double kVariance = 126.0;
   constexpr double kNewer = 30.0;         // twists
   constexpr double kOlder = 300.0;        // twists
   constexpr double kLargest = 10.0;       // a single outlier counts at most this much
-  constexpr double kJitter = 0.2;         // of the time between frames
+  constexpr double kJitter = 0.2;         // share of the time between frames
   constexpr double kStandsStill = 0.002;  // rad: a pixel. The error of a still picture stays, too
 
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) count_ = std::min(count_, 0);

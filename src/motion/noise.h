@@ -9,7 +9,7 @@
 #include "ktgp_orb/ground_motion.h"
 #include "motion/camera_pose.h"
 
-/// What measurements show of their own noise.
+/// Estimates the noise of measurements from themselves.
 namespace ktgp_orb::motion {
 
 /// How a measurement differs from what was expected.
@@ -24,22 +24,22 @@ struct Innovation {
 /// freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
 double studentNoise(double misfit, int dimensions);
 
-/// What the innovations of measurements of one kind tell about their noise: covariance matching
+/// Estimates the noise of one kind of measurement from its innovations: covariance matching
 /// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
 struct Innovations {
   double variance = 1.0;     // as a multiple of the given one: running mean
   int contradictions = 0;    // one after the other, each on other ground
   bool is_another = false;   // the newest measurement is one of them
-  std::int64_t ground = -1;  // of the newest measurement
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // of the newest one, in given deviations
+  std::int64_t ground = -1;  // ground of the newest measurement
+  Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // newest residual, in given deviations
   std::array<double, 2> steps{};  // squared, to the newest one and to the one before
-  double scatter = 0.0;           // of the smaller steps: running mean, see addResidual()
+  double scatter = 0.0;           // running mean of the smaller steps, see addResidual()
 
   /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
   /// have the same cause, so they count once.
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
-    constexpr double kMost = 100.0;  // that a single one counts
+    constexpr double kMost = 100.0;  // limit of a single one
     constexpr double kDoubt = 4.0;   // deviations
     variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
     const bool contradicts = innovation.misfit > kDoubt;
@@ -91,7 +91,7 @@ class Relief {
   DownReading widened(DownReading reading) const;
 
  private:
-  double share_ = 0.0;  // of the pictures that deviate from a plane
+  double share_ = 0.0;  // share of the pictures that deviate from a plane
   double size_ = 0.0;   // standard deviation of the ground from the seen plane, share of the height
 };
 
@@ -119,9 +119,9 @@ class TwistNoise {
   static constexpr int kTwists = 5;
 
   std::array<Vector6, kTwists> twists_;  // the newest first
-  int count_ = -1;                       // of twists from one keyframe, without the first one
+  int count_ = -1;  // number of twists from one keyframe, without the first one
   double seconds_ = 0.0;
-  // Of turning, approach and shift: over 30 twists and over 300.
+  // Running means over 30 and over 300 twists, for turning, approach and shift.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
   double learned_ = 0.0;  // twists

@@ -46,7 +46,7 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
   }
   // Pictures without noise, as of a simulation, have a deviation of nearly 0. The errors of the
   // filter's linear steps are larger than that, and its covariance would become indefinite.
-  constexpr double kLeast = 1e-6;  // of the focal length: 0.0005 px where it is 500 px
+  constexpr double kLeast = 1e-6;  // share of the focal length: 0.0005 px for 500 px
   motion.covariance = slope * covariance * slope.transpose();
   motion.covariance.diagonal().array() += kLeast * kLeast;
   return motion;

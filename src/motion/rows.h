@@ -18,7 +18,7 @@ using Matrix86 = Eigen::Matrix<double, 8, 6>;
 struct ImageMotion {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
   Matrix8 covariance = Matrix8::Zero();
-  /// What a rolling shutter takes from the entries per second of its readout time, see Shutter.
+  /// Change of the entries per second of readout time, see Shutter.
   Vector8 by_readout = Vector8::Zero();
 };
 
@@ -66,7 +66,7 @@ CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eige
 /// The first pose: above the origin, with the base's x axis along x. `frame` has a height.
 CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base);
 
-/// Of the rotation since the pose `before`.
+/// Constraint of the rotation since the pose `before`.
 PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before);
 
 }  // namespace ktgp_orb::motion

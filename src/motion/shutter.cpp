@@ -63,7 +63,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   // Least squares over a grid of points of the reference that the frame shows.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
-  const double share_of_row = camera(1, 1) / size.height;  // of the readout time
+  const double share_of_row = camera(1, 1) / size.height;  // share of the readout time
   Matrix8 information = Matrix8::Zero();
   Vector8 sum = Vector8::Zero();
   int count = 0;
@@ -108,7 +108,7 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   }
   const Vector8 change = root.matrixL().solve(seen - flow_);
   change_ += (change * change.transpose() - change_) / changes_;
-  // Of noise alone the largest eigenvalue of such a mean is about this (Marchenko and Pastur).
+  // Noise alone gives such a mean about this largest eigenvalue (Marchenko and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
   const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);

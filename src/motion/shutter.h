@@ -7,7 +7,7 @@
 
 namespace ktgp_orb::motion {
 
-/// What a rolling shutter does to homographies.
+/// Effect of a rolling shutter on homographies.
 ///
 /// Row y is exposed later than the middle row by its share of the readout time. Until then the
 /// picture has moved on by its flow, which successive homographies tell. Points of both pictures
@@ -29,7 +29,7 @@ class Shutter {
   std::int64_t stamp_ = 0;
   std::int64_t reference_stamp_ = 0;
   ImageMotion motion_;
-  // Of the points x of a picture: dx/dt is that of the projection of (x, 1) + dt F (x, 1), where F
+  // For the points x of a picture, dx/dt is that of the projection of (x, 1) + dt F (x, 1), where F
   // has these entries row by row, and F(2,2) = 0.
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();

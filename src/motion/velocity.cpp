@@ -12,7 +12,7 @@ namespace {
 
 using util::propagated;
 
-/// Of the camera in its frame, since the pose before.
+/// Twist of the camera in its own frame, since the pose before.
 Eigen::Vector3d newestVelocity(const GroundFilter& filter, double seconds) {
   const CameraPose& before = filter.before();
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;

@@ -23,7 +23,7 @@ class Velocity {
   void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
                bool is_flat);
 
-  /// Of the camera in its frame: velocity (m/s) and angular velocity (rad/s).
+  /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
   /// The readings of a frame at its reference, `seconds` before it, as far as the velocity that was

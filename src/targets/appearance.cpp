@@ -144,7 +144,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr float kFrameDeviation = 3.F;
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
-  constexpr double kLeastShare = 0.3;  // of the blocks in view; the others may be hidden
+  constexpr double kLeastShare = 0.3;  // share of the blocks in view; the others may be hidden
   // One canvas for both, no finer than the picture is seen in the frame.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   columns_ = blocksAlong(seen.width, frame.enlargement);

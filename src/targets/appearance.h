@@ -11,7 +11,7 @@ namespace ktgp_orb::targets {
 /// The images of a frame, from large to small.
 struct FramePyramid {
   std::vector<cv::Mat> levels;
-  double scale_factor = 1.2;  ///< of neighbouring levels
+  double scale_factor = 1.2;  ///< size ratio of neighbouring levels
   double enlargement = 1.0;   ///< px of level 0 per px of the camera
 };
 
@@ -40,7 +40,7 @@ class Appearance {
                      const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
-  /// Of the blocks that have texture in both images of the last comparison, the share that looks
+  /// Among the blocks with texture in both images of the last comparison, the share that looks
   /// clearly different: another text, not another light or blur. Without those at the border, where
   /// one of the images may show a little less.
   double shareThatDiffers() const;

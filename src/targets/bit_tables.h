@@ -55,7 +55,7 @@ class BitTables {
   /// Buffers of find(), which several objects can share, and its result.
   struct Found {
     std::vector<Similar> pairs;
-    std::size_t count = 0;  // of them
+    std::size_t count = 0;  // number of items
 
     struct Run {
       std::uint32_t query, others, begin, end;
@@ -105,7 +105,7 @@ class BitTables {
 
  private:
   struct Table {
-    std::vector<std::uint32_t> start;  // of each key in the items, and the end
+    std::vector<std::uint32_t> start;  // where each key begins in the items, and the end
     std::vector<Item> items;
   };
 

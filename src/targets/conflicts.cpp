@@ -13,9 +13,9 @@ namespace ktgp_orb::targets {
 namespace {
 
 constexpr double kCopySide = 96.0;       // px of the copy that is moved over itself
-constexpr double kLeastMove = 0.08;      // of the side; less is the same place
+constexpr double kLeastMove = 0.08;      // share of the side; less is the same place
 constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
-constexpr double kLeastAgreement = 0.6;  // of the blocks
+constexpr double kLeastAgreement = 0.6;  // share of the blocks
 constexpr double kLeastOverlap = 0.5;
 constexpr std::size_t kMostPlaces = 4;  // for each turn
 
@@ -57,7 +57,7 @@ std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
 
 using Outline = std::vector<cv::Point2f>;
 
-/// Of the pairs it was found by, how many lie within the outline.
+/// Number of the pairs that it was found by within the outline.
 std::size_t countInside(const FoundTarget& one, const Outline& outline) {
   const std::vector<Eigen::Vector2d>& points = one.pairs.target;
   return static_cast<std::size_t>(
@@ -67,7 +67,7 @@ std::size_t countInside(const FoundTarget& one, const Outline& outline) {
       }));
 }
 
-/// Of the box around the points, px².
+/// Area of the box around the points, px².
 double areaOf(const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector2d& p : points) box.extend(p);
@@ -173,8 +173,8 @@ std::string ambiguityOf(const TargetPicture& picture) {
 }
 
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
-  constexpr double kMost = 0.7;       // of the points, within the other one
-  constexpr double kSamePlace = 0.5;  // of the area
+  constexpr double kMost = 0.7;       // share of the points within the other one
+  constexpr double kSamePlace = 0.5;  // share of the area
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;
   outlines.reserve(found.size());
@@ -194,7 +194,7 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store) {
   constexpr double kShare = 0.6;
-  // Of the blocks, which are those of one sharp image: with a logo in common, the others differ.
+  // Compares the blocks of one sharp image: with a logo in common, the others differ.
   constexpr double kLeastAgreement = 0.5;
   return found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store),

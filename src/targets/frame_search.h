@@ -15,7 +15,7 @@ namespace ktgp_orb::targets {
 /// A target that may be in the frame: some of its pairs of keypoints agree with each other.
 struct Candidate {
   StoredTarget* target;
-  std::int32_t votes;  ///< of its best seed
+  std::int32_t votes;  ///< votes of its best seed
 };
 
 /// Searches targets in one frame. What is found for a target depends only on this target and the
@@ -57,23 +57,23 @@ class FrameSearch {
   TargetStore& store_;
   const Features* features_ = nullptr;
   FramePyramid pyramid_;
-  std::vector<growth::LocalFrame> frames_;  // of the features
+  std::vector<growth::LocalFrame> frames_;  // local frames of the features
   std::vector<growth::Bits> bits_;          // descriptors of the features
   FrameTables tables_;
   FrameTables thorough_tables_;  // set for the frame when they are needed
   bool is_thorough_set_ = false;
   std::size_t step_ = 1;  // from one keypoint to the next one that is looked up
   std::vector<std::uint32_t> queries_;
-  std::vector<IndexHit> hits_;                // what the index returned
+  std::vector<IndexHit> hits_;                // answer of the index
   std::vector<std::vector<IndexHit>> pairs_;  // for each picture of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;
-  std::int32_t most_votes_ = 0;      // of a seed, in the last searchWith()
+  std::int32_t most_votes_ = 0;      // most votes of a seed in the last searchWith()
   PictureSearch whole_;              // searches all features
   PictureSearch rest_;               // searches those that are not taken
   std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
   Features rest_features_;
-  std::vector<std::int32_t> rest_numbers_;  // of these in the whole frame
+  std::vector<std::int32_t> rest_numbers_;  // their numbers in the whole frame
 };
 
 }  // namespace ktgp_orb::targets

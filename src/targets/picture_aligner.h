@@ -44,7 +44,7 @@ class PictureAligner {
   homography::HomographyRefiner refiner_;
   cv::Mat shrunk_;              // the picture as small as in the frame
   std::vector<cv::Mat> small_;  // the same with a border; one level
-  cv::Size size_;               // of it, without the border
+  cv::Size size_;               // size of the picture without the border
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<double> errors_;  // px
 };

@@ -186,7 +186,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
                          found.estimate);
 }
 
-/// Those of the last search of the grower.
+/// Pairs of the last search of the grower.
 void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
   found.pairs = grower_.pairs();

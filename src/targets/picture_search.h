@@ -24,8 +24,8 @@ struct FoundTarget {
   bool predicted = false;        ///< it was looked for where a track leads
   UncertainHomography estimate;  ///< picture's `image` -> frame, px
   bool aligned = false;
-  PointPairs pairs;                     ///< what it was fitted to; px of `image` and of the frame
-  std::vector<std::int32_t> keypoints;  ///< of the frame that agree with it, by number
+  PointPairs pairs;  ///< pairs that it was fitted to; px of `image` and of the frame
+  std::vector<std::int32_t> keypoints;  ///< numbers of the frame's keypoints that agree with it
   double log_false_alarms = 0.0;
   double agreement =
       0.0;  ///< share of the part in view that looks alike; 0: the images do not tell
@@ -62,7 +62,7 @@ class PictureSearch {
   static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
-  /// What is tried for one picture in a frame, at most; chance has so many opportunities. Seeds
+  /// Most attempts for one picture in a frame; chance has so many opportunities. Seeds
   /// come from two kinds of tables, and each one can give three homographies.
   static constexpr int kAllSeeds = 2 * kMostSeeds;
   static constexpr int kAllHomographies = 3 * kAllSeeds;
@@ -84,7 +84,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Those that do not agree with the homography last labelled.
+  /// Keypoints that do not agree with the homography last labelled.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;

@@ -40,7 +40,7 @@ class SearchedFrame {
 
   OrbExtractor extractor_;
   OrbExtractor enlarged_extractor_;
-  double enlargement_ = 0.0;  // of enlarged_extractor_
+  double enlargement_ = 0.0;  // factor of enlarged_extractor_
   cv::Mat resized_;
   std::vector<cv::Mat> own_;
   Features extracted_;

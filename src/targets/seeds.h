@@ -32,7 +32,7 @@ class Seeds {
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// Those with `fewest_votes` or more, the ones with most votes first.
+  /// Seeds with `fewest_votes` or more, the ones with most votes first.
   const std::vector<Seed>& best() const { return seeds_; }
   /// Votes of the best one; 0 if there is none.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }

@@ -103,15 +103,15 @@ bool isInstanceFrame(const std::string& name, const std::string& frame) {
          name.find_first_not_of("0123456789", first) == std::string::npos;
 }
 
-/// What a search remembers of the frames before.
+/// Memory of the frames before.
 struct Sequence {
-  std::uint64_t number = 0;  // of the frame, from 1
+  std::uint64_t number = 0;  // number of the frame, from 1
   std::size_t turn = 0;      // the keypoint from which on the next frame looks them up
   targets::Tracks tracks;
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // number of the frame
 };
 
-/// Those with most votes and those that have waited longest, by turns, each once.
+/// Targets with most votes and targets that have waited longest, in turn, each once.
 std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
   const auto last_tried_of = [&](const Candidate& candidate) {
     const auto found = sequence.last_tried.find(candidate.target);

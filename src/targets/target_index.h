@@ -12,7 +12,7 @@ namespace ktgp_orb::targets {
 /// A keypoint of a picture that looks like a keypoint of the frame.
 struct IndexHit {
   std::uint32_t picture;
-  std::uint32_t keypoint;  ///< of the picture
+  std::uint32_t keypoint;  ///< number of the picture's keypoint
   std::uint32_t query;     ///< keypoint of the frame
   std::int32_t distance;   ///< Hamming
 };

@@ -17,14 +17,14 @@ constexpr int kBorder = 48;  // px
 // Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
 // border the frame shows something else.
 constexpr double kInside = 0.35;
-// Of the pyramid of each size. Together they reach a tenth of the image's size, and each level has
-// enough keypoints.
+// Levels of the pyramid of each size. Together they reach a tenth of the image's size, and each
+// level has enough keypoints.
 constexpr int kLevels = 5;
 // The sizes that the image and its tilted views are stored at: the scale, and the share of the
 // keypoints of the image.
 constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
 constexpr double kLeastSize = 40.0;  // px, longer side
-// Of the shorter side: less leaves no place for a keypoint that is far enough from both borders.
+// Shorter side, px: less leaves no place for a keypoint that is far enough from both borders.
 constexpr int kLeastRoom = 24;  // px
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
@@ -54,7 +54,7 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
   const double scale = std::sqrt(std::abs(from_view.determinant()));
   Features& features = view.features;
-  if (features.empty()) return;  // of a narrow picture
+  if (features.empty()) return;  // a narrow picture has none
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
     const cv::KeyPoint& keypoint = features.keypoints[i];

@@ -15,9 +15,9 @@ struct StoredTarget;
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, at most the largest side
-  std::vector<cv::Mat> halves;  ///< of `image`: half of its sides, a quarter ...
-  cv::Size full_size;           ///< of the given image, px
-  double scale = 1.0;           ///< of `image` to the given image
+  std::vector<cv::Mat> halves;  ///< `image` at half of its size, a quarter ...
+  cv::Size full_size;           ///< size of the given image, px
+  double scale = 1.0;           ///< factor from `image` to the given image
   growth::ReferenceFrames frames;
   std::size_t own = 0;            ///< keypoints of the image itself; those of its views follow
   StoredTarget* owner = nullptr;  ///< null: not in a store

@@ -11,7 +11,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
+constexpr std::size_t kFewestKeypoints =
+    40;  // keypoints of an image without its views; twelve must match
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
   throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
@@ -35,7 +36,7 @@ void requireNames(const Target& target) {
   }
 }
 
-/// What is wrong with a picture that has fewer than the fewest keypoints, which need some room
+/// The fault of a picture with fewer than the fewest keypoints, which need some room
 /// between the borders.
 std::string whyFewKeypoints(const TargetPicture& picture) {
   constexpr int kNarrow = 40;  // px, shorter side

@@ -16,8 +16,8 @@ struct Track {
   int age = 0;     ///< frames in which it was seen one after the other
   int unseen = 0;  ///< frames since then
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();   ///< picture's `image` -> frame, px
-  Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< of the picture in the frame, px
-  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< of the middle, px per frame
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< centre of the picture in the frame, px
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< velocity of the centre, px per frame
   double extent = 0.0;                                 ///< half of the longer side in the frame, px
   bool is_matched = false;                             ///< in this frame
 };

@@ -12,7 +12,7 @@ struct SeedMap {
   float to_x, to_y;      ///< px of the frame
   float log_area;        ///< by which the map scales areas, natural logarithm
   float xx, xy, yx, yy;  ///< its linear part, row by row
-  float norm;            ///< of the linear part
+  float norm;            ///< norm of the linear part
 };
 constexpr std::size_t kSeedMapValues = 10;
 /// Entries past the last seed that the kernels may read.
@@ -23,7 +23,7 @@ constexpr float kVoteApart = 8.F;            ///< px; nearer keypoints may show 
 constexpr float kVoteCosine = 0.85F;         ///< between the maps
 constexpr float kVoteLogArea = 0.94F;        ///< a factor of 1.6 in length
 constexpr float kVoteSlack = 4.F;            ///< px of the frame
-constexpr float kVoteRelativeSlack = 0.25F;  ///< of the distance there
+constexpr float kVoteRelativeSlack = 0.25F;  ///< share of the distance
 
 /// Whether `voter` is near, lies where the map of `seed` predicts, and has a similar map.
 inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
