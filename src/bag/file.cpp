@@ -342,7 +342,8 @@ void BagFile::indexFromMessages(Chunk& chunk) {
 
 // The messages of a chunk
 
-/// What a chunk holds, in the memory of `contents`. Throws rosbag::BagException or std::bad_alloc.
+/// The messages of a chunk, in the memory of `contents`. Throws rosbag::BagException or
+/// std::bad_alloc.
 std::string_view BagFile::plainBytes(const Chunk& chunk, ChunkContents& contents) {
   std::string stored = bytesAt(chunk.data, chunk.stored_size);
   if (chunk.compression == "none") {
@@ -372,7 +373,7 @@ ChunkContents BagFile::read(const Chunk& chunk) {
   std::string_view bytes;
   try {
     bytes = plainBytes(chunk, contents);
-  } catch (const std::exception& error) {  // of rosbag, or no memory
+  } catch (const std::exception& error) {  // from rosbag, or std::bad_alloc
     noteAt(chunk.position, std::string("a chunk cannot be decompressed (") + error.what() + ")");
     return contents;
   }

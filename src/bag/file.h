@@ -40,12 +40,12 @@ using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
 
 /// A chunk of messages in the file.
 struct Chunk {
-  std::size_t position;     ///< of its record, byte in the file
+  std::size_t position;     ///< byte in the file where its record begins
   std::size_t data;         ///< begin of its data
   std::size_t stored_size;  ///< bytes of its data in the file
   std::size_t size;         ///< bytes of the messages, according to the record
   std::string compression;  ///< "none", "bz2", "lz4"
-  Times times{};            ///< of its messages, according to the index
+  Times times{};            ///< times of its messages, according to the index
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -118,7 +118,7 @@ class BagFile {
   std::size_t size_ = 0;
   std::vector<Chunk> chunks_;
   std::size_t chunk_end_ = 0;     ///< the index records of the last chunk begin here
-  std::size_t damage_begin_ = 0;  ///< of damage that was skipped up to `damage_end_`
+  std::size_t damage_begin_ = 0;  ///< beginning of the damage that ends at `damage_end_`
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;
   std::map<std::uint32_t, std::set<Topic>> connections_;

@@ -91,9 +91,10 @@ class BagMessages {
   ros::Time begin_;
   ros::Time end_;
   std::size_t total_ = 0;
-  std::vector<std::pair<ros::Time, std::size_t>> order_;  // of the chunks with wanted messages
-  std::size_t unread_ = 0;                                // index in it
-  std::map<Key, std::uint32_t> queue_;                    // messages of chunks read: connection
+  std::vector<std::pair<ros::Time, std::size_t>>
+      order_;                           // first time and number of each chunk with wanted messages
+  std::size_t unread_ = 0;              // index in it
+  std::map<Key, std::uint32_t> queue_;  // messages of chunks read: connection
   std::list<std::pair<std::size_t, ContentsPtr>> kept_;
   ContentsPtr current_;       // has the newest message
   std::size_t expected_ = 0;  // messages of the chunks read

@@ -158,9 +158,9 @@ class Video : public ImageSource {
     return std::nullopt;
   }
 
-  /// Of the image grabbed last. OpenCV has no time for the last images of a video with B-frames,
-  /// and a repeated time would be taken for the same image: these follow the one before by a usual
-  /// step.
+  /// Time of the image grabbed last. OpenCV has no time for the last images of a video with
+  /// B-frames, and a repeated time would be taken for the same image: these follow the one before
+  /// by a usual step.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb {
 
-/// What can stand in place of a bag.
+/// Kinds of input that can stand in place of a bag.
 enum class InputKind { bag, video, images };
 
 /// By the first line of the file and the ending ".bag"; a name with * ? [ that is not a file is the

@@ -59,7 +59,7 @@ int lockedFile(const std::string& name) {
   // On a file system without locks only a new file is ours.
   const bool is_locked =
       file >= 0 && (flock(file, LOCK_EX | LOCK_NB) == 0 || (is_new && errno != EWOULDBLOCK));
-  // Who had locked it may have renamed or removed it meanwhile.
+  // Another process may have renamed or removed it before we got the lock.
   struct stat opened, named;
   const bool is_ours = is_locked && fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 &&
                        opened.st_dev == named.st_dev && opened.st_ino == named.st_ino &&

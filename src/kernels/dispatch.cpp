@@ -90,7 +90,7 @@ namespace {
 
 HWY_EXPORT(kernels);
 
-/// Those of the best instruction set that this processor supports.
+/// The kernels of the best instruction set that this processor supports.
 const Kernels& bestKernels() {
   return *HWY_DYNAMIC_DISPATCH(kernels)();
 }

@@ -40,7 +40,7 @@ TwoViewOptions twoViewOptions(const MatcherOptions& options) {
   return two_view;
 }
 
-/// Who looks for hard pairs has scenes that are not quite planes.
+/// Growth is for hard pairs, and their scenes are rarely flat: weight the cells equally.
 GuidedOptions guidedOptions(const MatcherOptions& options) {
   GuidedOptions guided = options.guided;
   guided.by_cell |= options.growth.enabled;
@@ -135,7 +135,7 @@ class Chain {
   Alignment alignment_;
   TwoViewMatcher two_view_;
   homography::HomographyVerdict verdict_;
-  PointPairs pairs_;                            // of the matches that passed GMS
+  PointPairs pairs_;                            // the matches that passed GMS
   ProsacResult labelled_;                       // a candidate that PROSAC did not find
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
   std::vector<std::uint8_t> taken_;             // target keypoints that are inliers
@@ -292,7 +292,7 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
 /// as the windows of a house, may have misled it. Empty otherwise.
 std::optional<GrowthStart> Chain::doubtful(const MatchResult& result) const {
   constexpr std::size_t kFew = 50;
-  constexpr std::size_t kOneIn = 8;  // of the matches
+  constexpr std::size_t kOneIn = 8;  // a smaller share of the matches is doubtful
   const std::size_t inliers = result.prosac.inliers;
   if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
     return std::nullopt;

@@ -38,7 +38,7 @@ std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other,
 double shortestPeriod(const cv::Mat& picture) {
   constexpr double kCopySide = 96.0;  // px: finer detail does not tell where the camera is
   constexpr double kAlike = 0.6;      // a checkerboard below a tilted camera has 0.65 to 0.95
-  constexpr double kLeast = 0.04;     // of the side
+  constexpr double kLeast = 0.04;     // share of the side
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };
   cv::Mat copy;

@@ -12,9 +12,9 @@
 
 namespace ktgp_orb {
 
-/// What a nodelet receives, does and cannot do: three reports to /diagnostics ("input", one with
-/// the name of the work, and "latency") over the last ten seconds. A problem is in the log once and
-/// in the diagnostics as long as it lasts. All functions may be called from any thread.
+/// Reports on input, work and problems of a nodelet: three entries of /diagnostics ("input", one
+/// with the name of the work, and "latency") over the last ten seconds. A problem is in the log
+/// once and in the diagnostics as long as it lasts. All functions may be called from any thread.
 class Diagnosis {
  public:
   using Clock = std::chrono::steady_clock;
@@ -49,7 +49,7 @@ class Diagnosis {
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
   /// One that lasts whether or not frames are received.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
-  /// What the work achieves if there is no problem, "works" for example.
+  /// Text where there is no problem, "works" for example.
   void setState(const std::string& text);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);

@@ -25,7 +25,7 @@
 
 namespace ktgp_orb {
 
-/// What all nodelets share apart from the types of their parameters and their work: inputs that are
+/// Base of all nodelets, without the types of their parameters and their work: inputs that are
 /// subscribed while results are wanted, outputs, services, diagnostics, and an end at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:

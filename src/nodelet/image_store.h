@@ -22,7 +22,7 @@ class ImageStore {
 
   /// How many were dropped because of kBytes. Those beyond kImages are too old for a homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
-    take(image->header.stamp);  // of two images with one stamp the newer stays
+    take(image->header.stamp);  // the newer one of two images with the same stamp stays
     images_[image->header.stamp] = image;
     bytes_ += image->data.size();
     order_.push_back(image->header.stamp);

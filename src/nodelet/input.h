@@ -36,7 +36,7 @@ class Input {
 
   /// Used only by the thread that asks the master; null if nobody minds that nothing comes.
   InputWatch* watch() { return watch_.get(); }
-  /// Of the topic, found out by that thread.
+  /// Number of publishers of the topic, from that thread.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
 
  protected:

@@ -32,7 +32,7 @@ class InputWatch {
  private:
   /// Restarts the waiting.
   void restart();
-  /// What the master knows about the missing messages; empty: nothing.
+  /// Reason for missing messages that the master knows; empty: none.
   std::string askMaster() const;
   /// The topic that the transport subscribes to.
   std::string wanted() const;

@@ -24,7 +24,7 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-constexpr double kMinShare = 0.5;  // of frames with a homography; below it there is a warning
+constexpr double kMinShare = 0.5;  // share of frames with a homography; below it there is a warning
 
 }  // namespace
 
@@ -270,7 +270,7 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   requireSmall("target", request.target);
   Configuration configuration = worker_.ask([](MatcherWork& work) { return work.configuration(); });
   configuration.sequence.reference.mode = ReferenceMode::fixed;
-  configuration.view = {};  // of the camera; the two images may come from elsewhere
+  configuration.view = {};  // without the camera: the two images may come from elsewhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   const char* image = "reference: ";  // of an error that does not name the image
   try {

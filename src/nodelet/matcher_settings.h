@@ -42,12 +42,12 @@ class MatcherSettings {
 
   Configuration configuration_;
   bool is_configured_ = false;
-  LensConstPtr lens_;  // of the last camera_info
+  LensConstPtr lens_;  // lens of the last camera_info
   sensor_msgs::CameraInfoConstPtr camera_;
   std::string reference_file_;
   std::string mask_file_;
   sensor_msgs::ImageConstPtr file_reference_;
-  FileState file_state_;  // of the reference file when it was read
+  FileState file_state_;  // state of the reference file when it was read
   FileState file_seen_;   // at the last check
 };
 

@@ -14,14 +14,15 @@
 
 namespace ktgp_orb {
 
-/// What the worker tells other threads.
+/// State that the worker shows to other threads.
 struct MatcherFacts {
   std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera
-  std::atomic<int> longer_side{0};               ///< of the last image, px
-  std::atomic<Status> last_failure{Status::ok};  ///< of a frame with a reference
+  std::atomic<int> longer_side{0};               ///< longer side of the last image, px
+  std::atomic<Status> last_failure{
+      Status::ok};  ///< status of the last failure of a frame with a reference
 };
 
-/// What the matcher's worker does: matches an image, publishes what has subscribers. Belongs to the
+/// Work of the matcher: matches an image, publishes what has subscribers. Belongs to the
 /// worker's thread.
 class MatcherWork {
  public:

@@ -19,7 +19,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std_srvs::Trigger;
 
-constexpr std::chrono::seconds kPeriod{1};  // of published pictures, at least
+constexpr std::chrono::seconds kPeriod{1};  // shortest time between published pictures
 
 MosaicOptions optionsFrom(const MosaicConfig& config) {
   MosaicOptions options;
@@ -60,7 +60,7 @@ class MosaicWork {
   ros::Publisher poses_;
   Mosaic mosaic_;
   MosaicConfig config_;
-  std_msgs::Header last_header_;                    // of the last placed image
+  std_msgs::Header last_header_;                    // header of the last placed image
   std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive
   Clock::time_point last_picture_;
 };

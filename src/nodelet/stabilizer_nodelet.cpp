@@ -44,7 +44,7 @@ class StabilizerWork {
   image_transport::Publisher steady_images_;
   ros::Publisher warps_;
   Stabilizer stabilizer_;
-  cv::Size size_;     // of the newest image
+  cv::Size size_;     // size of the newest image
   ros::Time newest_;  // its stamp
   std::uint64_t restarts_ = 0;
   bool rectified_ = false;  // the pixels of the newest homography

@@ -91,7 +91,7 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
-/// Of the folder, since the file is replaced with every change.
+/// Locks the folder: the file is replaced with every change.
 void TargetBook::lock() {
   const std::string folder = folderOf(file_).string();
   std::error_code error;
@@ -215,7 +215,7 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   return list;
 }
 
-/// What a node that was killed had written for a target, or had not yet deleted. Only names that
+/// Files that a killed node had written for a target, or had not yet deleted. Only names that
 /// writeImages() gives: 12.png, 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;

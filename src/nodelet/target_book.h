@@ -57,7 +57,7 @@ class TargetBook {
     std::vector<TargetEntry> refused;  // they stay in the kept list
     std::deque<TargetEntry> waiting;   // to be read
 
-    /// Those with this id, which are no longer there.
+    /// Targets with this id that are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);
   };
 
@@ -73,7 +73,7 @@ class TargetBook {
   std::string file_;
   int lock_ = -1;  // the folder of the images, open
   Lists lists_;
-  std::map<std::string, std::string> reasons_;  // of refused targets, by id
+  std::map<std::string, std::string> reasons_;  // reasons of refused targets, by id
 };
 
 }  // namespace ktgp_orb

@@ -26,8 +26,8 @@ class Inbox {
   static constexpr std::size_t kKinds = 5;
   static constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
 
-  /// Of the waiting items of a kind, 0 to kKinds - 1, and of the memory that they hold. Without a
-  /// call there is no limit.
+  /// Limits of the waiting items of a kind, 0 to kKinds - 1, and of the memory that they hold.
+  /// Without a call there is no limit.
   void setLimits(std::size_t kind, std::size_t items, std::size_t bytes = kNoLimit) {
     const std::lock_guard<std::mutex> lock(mutex_);
     kinds_[kind].most_items = items;

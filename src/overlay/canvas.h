@@ -6,15 +6,15 @@
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/two_view.h"
 
-/// What all drawings are made of: pixels, colours and text.
+/// Pixels, colours and text, for all drawings.
 namespace ktgp_orb::overlay {
 
 inline const cv::Scalar kWhite(255, 255, 255);
 inline const cv::Scalar kBlack(0, 0, 0);
 
-/// Of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green. Colours of
-/// Okabe & Ito, "Color Universal Design" (2008), which all kinds of colour vision can distinguish;
-/// grey for the background.
+/// Colour of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green.
+/// Colours of Okabe & Ito, "Color Universal Design" (2008), which all kinds of colour vision can
+/// distinguish; grey for the background.
 const cv::Scalar& colourOf(Level level, Geometry geometry);
 
 /// The image as 8-bit BGR into `region`, which has its size. Throws std::invalid_argument for an

@@ -246,7 +246,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   const int line = face.lineHeight();
   const int margin = line / 3;
   constexpr std::array<const char*, 4> kLabels{"- ratio", "- GMS", "- PROSAC", "final"};
-  std::array<std::size_t, 4> counts{};  // that ended at each level
+  std::array<std::size_t, 4> counts{};  // number of matches that ended at each level
   for (const Correspondence& c : result.correspondences) {
     ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
   }

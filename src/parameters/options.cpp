@@ -56,7 +56,7 @@ bool choosesForFixed(const Parameters& p) {
   return p.reference_mode == "fixed" && !is_of_a_preset;
 }
 
-/// What views of a fixed reference need, which differ strongly.
+/// Options for views that differ strongly from a fixed reference.
 Parameters wantedForFixed() {
   Parameters wanted;
   wanted.features = 5000;
@@ -70,8 +70,8 @@ Parameters wantedForFixed() {
   return wanted;
 }
 
-/// That, in place of every default. A default that was set by hand cannot be told from one that
-/// was not.
+/// Puts these options in place of every default. A default that was set by hand cannot be told from
+/// one that was not.
 Parameters chosenForFixed(const Parameters& given) {
   const Parameters usual;
   const Parameters wanted = wantedForFixed();

@@ -24,10 +24,10 @@ PipelineOptions pipelineOptions(const Parameters& parameters);
 /// with strongly different views need in place of the defaults, unless a preset decides it.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
-/// What sequenceOptions() chooses for a fixed reference, as a message for the user; else empty.
+/// The choices of sequenceOptions() for a fixed reference, as a message for the user; else empty.
 std::string noteOnFixed(const Parameters& parameters);
 
-/// What to do where images with this longer side, px, are not recognised, as a message for the
+/// Advice where images with this longer side, px, are not recognised, as a message for the
 /// user; empty for those that are small enough.
 std::string noteOnSize(int longer_side);
 

@@ -48,8 +48,8 @@ struct ParameterInfo {
   Kind kind;
   std::string text;
   std::string unit{};
-  Limits limits{};                     ///< of a number
-  std::vector<std::string> choices{};  ///< of a text; empty: any
+  Limits limits{};                     ///< range of a number
+  std::vector<std::string> choices{};  ///< allowed texts; empty: any
 
   /// "a number in [0, 1]", "range or tf_height", ...
   std::string expected() const;

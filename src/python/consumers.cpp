@@ -1,4 +1,4 @@
-// What is built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
+// Classes built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
 #include <memory>

@@ -129,7 +129,7 @@ class Matcher {
 
  private:
   Shared<KtgpMatcher> matcher_;
-  MatchResult result_;  // of the call that uses matcher_
+  MatchResult result_;  // result of the call that uses matcher_
 };
 
 void defineMatch(py::module_& module) {
@@ -308,7 +308,7 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 
 namespace {
 
-/// Of a field, for pickle, and back: an array as the bytes of its memory.
+/// A field for pickle, and back: an array becomes the bytes of its memory.
 template <typename Value>
 const Value& pickled(const Value& value) {
   return value;

@@ -60,7 +60,7 @@ struct FrameMatch : Match {
   std::int64_t stamp = 0;  ///< ns
   std::int64_t reference_stamp = 0;
   cv::Size image_size;
-  std::vector<std::uint64_t> tracks;  ///< of the target keypoints, for each match
+  std::vector<std::uint64_t> tracks;  ///< track of the target keypoint, for each match
 };
 
 inline double secondsOf(std::int64_t stamp) {

@@ -63,7 +63,7 @@ class Shared {
   }
 
   std::mutex mutex_;
-  pid_t process_ = getpid();  // of its latest user
+  pid_t process_ = getpid();  // process of the latest user
   Object object_;
 };
 

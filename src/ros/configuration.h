@@ -23,12 +23,13 @@ struct Configuration {
   std::uint32_t number = 0;  ///< counts the changes
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the initial fixed reference; null: none
-  util::GreyStretch stretch = util::GreyStretch::percentile;  ///< of 16-bit images
-  CameraView view;             ///< of the camera's images, not of reference_image
-  bool rectify = false;        ///< the lens in `view` is wanted
-  std::string lens_problem;    ///< why `view` has no lens, in case of a problem
-  std::string camera_problem;  ///< why `view.camera` cannot be used
-  double max_rate = 0.0;       ///< Hz; 0: all frames
+  util::GreyStretch stretch =
+      util::GreyStretch::percentile;  ///< how 16-bit images become 8-bit ones
+  CameraView view;                    ///< for the camera's images, not for reference_image
+  bool rectify = false;               ///< the lens in `view` is wanted
+  std::string lens_problem;           ///< why `view` has no lens, in case of a problem
+  std::string camera_problem;         ///< why `view.camera` cannot be used
+  double max_rate = 0.0;              ///< Hz; 0: all frames
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };

@@ -22,7 +22,7 @@ struct CameraView {
   cv::Mat sent_mask;                       ///< CV_8UC1, of ~mask; empty: none
   LensConstPtr lens;                       ///< null: points stay in the camera's own pixels
   sensor_msgs::CameraInfoConstPtr camera;  ///< for the two-view geometry; null: not known
-  Pixels pixels = Pixels::raw;             ///< of the images of `camera`
+  Pixels pixels = Pixels::raw;             ///< kind of the images of `camera`
 };
 
 /// Parses "x y width height", separated by blanks or commas; an empty rectangle for an empty text.
@@ -49,7 +49,7 @@ class FrameMaker {
   CameraView view_;
   // In steady state no image needs an allocation.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
-  std::optional<PixelCamera> camera_;  // of images of `camera_size_`
+  std::optional<PixelCamera> camera_;  // for images of `camera_size_`
   cv::Size camera_size_;
   cv::Mat mask_;  // all masks of view_ combined, for images of its size
 };

@@ -52,7 +52,7 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// What `read` returns; nothing, and why, where it throws std::invalid_argument.
+/// The result of `read`; where it throws std::invalid_argument, nothing and the reason.
 template <typename Read>
 auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   why.clear();
@@ -162,7 +162,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   return frame;
 }
 
-/// What measures the distance to something else, such as a wall, is no height.
+/// A distance to something else, such as a wall, is not a height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;

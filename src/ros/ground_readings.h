@@ -87,16 +87,16 @@ class GroundReadings {
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
   ros::Time used_range_;
-  ros::Time range_stamp_;  // of the newest frame's reading; 0: it has none
+  ros::Time range_stamp_;  // stamp of the newest frame's reading; 0: it has none
   std::string range_frame_;
   ros::Time last_image_;
-  ros::Time last_height_;  // that counted
+  ros::Time last_height_;  // stamp of the last reading that was used
   ros::Time last_normal_;
   std::string no_height_;
   std::string no_normal_;
   std::string no_turn_;
 };
 
-/// What the pictures show of a rolling shutter; empty: nothing that is certain.
+/// The rolling shutter that the pictures show, as text; empty: nothing certain.
 std::string shutterReport(const GroundEstimate& estimate);
 }  // namespace ktgp_orb

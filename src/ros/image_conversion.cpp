@@ -28,7 +28,7 @@ constexpr int kNoCode = -1;
 /// Memory layout of an encoding's pixels, and their conversion to grey.
 struct Format {
   std::string encoding;
-  int type;     ///< of the pixels, OpenCV's
+  int type;     ///< OpenCV's type of the pixels
   int to_grey;  ///< OpenCV's conversion; kNoCode for grey pixels
 };
 
@@ -113,7 +113,7 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   return swapped;
 }
 
-constexpr double kMostMegapixels = 64.0;  // of a request
+constexpr double kMostMegapixels = 64.0;  // largest image of a request
 
 double megapixelsOf(const sensor_msgs::Image& image) {
   return 1e-6 * image.width * static_cast<double>(image.height);

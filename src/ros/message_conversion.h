@@ -23,7 +23,7 @@ namespace ktgp_orb {
 
 /// A matched frame, and what only its node knows. Valid as long as the match.
 struct MatchedFrame {
-  std_msgs::Header header;  ///< of the target image
+  std_msgs::Header header;  ///< header of the target image
   const SequenceMatch& match;
   std::uint32_t configuration = 0;  ///< number of the configuration
   double latency = 0.0;             ///< s

@@ -72,7 +72,7 @@ bool wantsPose(const TargetDetection& message) {
   return message.status == MatchStatus::STATUS_OK && wanted;
 }
 
-/// Of this instance, for tf.
+/// Name of the frame of this instance, for tf.
 std::string frameOf(const TargetDetection& target) {
   if (target.instance == 0 || target.frame.empty()) return target.frame;
   return target.frame + "_" + std::to_string(target.instance);
@@ -198,7 +198,7 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
   std_msgs::Header header = message.header;
   header.frame_id = util::withoutSlash(header.frame_id);
   for (const TargetDetection& target : message.detections) {
-    // Of several poses, tf could only have one, and nobody would know.
+    // tf can hold one of several poses, and no listener would know that there are more.
     if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     transforms.push_back(transformOf(header, frameOf(target), target.pose.pose));
   }

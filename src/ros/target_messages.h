@@ -19,8 +19,8 @@ namespace ktgp_orb {
 /// Poses of detected targets in front of a camera. An instance belongs to one thread at a time.
 class DetectedPose {
  public:
-  /// Of a rolling shutter, from the first row to the last one, s; 0: a global shutter; below 0: not
-  /// known, as at first.
+  /// Readout time of a rolling shutter, from the first row to the last one, s; 0: a global shutter;
+  /// below 0: not known, as at first.
   void setReadoutTime(double seconds) { readout_time_ = seconds; }
 
   /// Empty if it is not the view of a target in front of the camera. With lens distortion, no

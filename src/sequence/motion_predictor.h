@@ -32,12 +32,12 @@ class MotionPredictor {
   std::optional<Eigen::Matrix3d> lastSeenFrom(const Frame& reference) const;
 
   const Frame* last_ = nullptr;
-  const Frame* reference_ = nullptr;  // of the last frame, if its homography was found
-  std::int64_t stamp_ = 0;            // of the last frame
+  const Frame* reference_ = nullptr;  // reference of the last frame, if its homography was found
+  std::int64_t stamp_ = 0;            // stamp of the last frame
   Eigen::Matrix3d from_reference_ = Eigen::Matrix3d::Identity();
   std::size_t inliers_ = 0;
   std::optional<Eigen::Matrix3d> motion_;  // between the last two frames
-  std::int64_t duration_ = 0;              // of this motion, ns
+  std::int64_t duration_ = 0;              // duration of this motion, ns
 };
 
 }  // namespace ktgp_orb::sequence

@@ -134,8 +134,8 @@ struct SequenceMatcher::Impl {
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
-  std::optional<RelativePose> last_motion;  // of the frame before
-  double lost_milliseconds = 0.0;           // of matches that are not the result
+  std::optional<RelativePose> last_motion;  // motion of the frame before
+  double lost_milliseconds = 0.0;           // spent on matches that are not the result
   bool fix_next_frame = false;
   bool had_reference = false;  // also forgets the result that names it
 };
@@ -153,7 +153,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   options = wanted;
 }
 
-/// Of `frame`, where `fixed` is the fixed reference; null: none.
+/// Feature options for `frame`, where `fixed` is the fixed reference (null: none).
 OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
   return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
 }

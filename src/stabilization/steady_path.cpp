@@ -32,8 +32,9 @@ constexpr double kHolding = 1000.0;
 // window keeps its shape.
 constexpr double kShape = 0.15;
 // A long recording is solved in parts that overlap: what is far ahead does not matter.
-constexpr std::size_t kPart = 300;     // frames
-constexpr std::size_t kOverlap = 100;  // of them, which the next part solves again
+constexpr std::size_t kPart = 300;  // frames
+constexpr std::size_t kOverlap =
+    100;                           // frames at the end of a part, which the next part solves again
 constexpr std::size_t kKnown = 3;  // last frames of the part before, which the next one continues
 
 /// A point of the window, and its correction in each frame.

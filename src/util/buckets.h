@@ -36,7 +36,7 @@ class Buckets {
   std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
 
  private:
-  std::vector<std::uint32_t> bucket_;  // of each number
+  std::vector<std::uint32_t> bucket_;  // bucket of each number
   std::vector<std::uint32_t> start_;
   std::vector<std::int32_t> order_;
 };

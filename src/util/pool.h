@@ -58,7 +58,7 @@ class Pool {
     std::size_t most = 0;
   };
 
-  /// Of the control block.
+  /// Memory for the control block.
   template <typename Block>
   struct BlockAllocator {
     using value_type = Block;

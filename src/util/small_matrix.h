@@ -15,7 +15,7 @@ using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
 SmallMatrix times(const SmallRef& a, const SmallRef& b);
 /// The covariance of `slope` times a vector with the covariance `covariance`.
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
-/// Of a symmetric matrix.
+/// Inverse of a symmetric matrix.
 SmallMatrix inverseOf(const SmallRef& matrix);
 /// W with W covariance W' = I; empty if the covariance is not positive definite.
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);

@@ -76,7 +76,7 @@ struct Alignment::Impl {
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
   double rounding2 = 0.0;                         // sum of that of the aligned patches, px²
-  std::vector<Eigen::Vector2d> reference_points;  // of the matches
+  std::vector<Eigen::Vector2d> reference_points;  // for each match
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;

@@ -21,7 +21,7 @@ constexpr std::ptrdiff_t kWindowPitch = 32;
 /// Sampling on a slanted grid: positions of samples (row, column), in 1/65536 px from the given
 /// pixel.
 struct AffineWalk {
-  std::int32_t x0, y0;              ///< of sample (0, 0)
+  std::int32_t x0, y0;              ///< position of sample (0, 0)
   std::int32_t x_column, y_column;  ///< to the next column
   std::int32_t x_row, y_row;        ///< to the next row
 };

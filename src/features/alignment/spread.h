@@ -27,8 +27,9 @@ class PointSpread {
   void dropTwins(const std::vector<Eigen::Vector2d>& points);
 
   util::Buckets cells_;
-  std::vector<std::uint32_t> kept_;   // points without twins, cell by cell
-  std::vector<std::uint32_t> begin_;  // of each cell in kept_; the end of the last one follows
+  std::vector<std::uint32_t> kept_;  // points without twins, cell by cell
+  std::vector<std::uint32_t>
+      begin_;  // where each cell begins in kept_, and the end of the last one
   std::vector<std::uint32_t> round_;
 };
 

@@ -34,7 +34,7 @@ void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const
 }
 
 void requireRotation(const cv::Matx33d& rotation) {
-  constexpr double kRounding = 1e-3;  // of files with few digits
+  constexpr double kRounding = 1e-3;  // calibration files have few digits
   if (!isFinite(rotation)) throw std::invalid_argument("the rectifying rotation is not finite");
   if (cv::norm(rotation * rotation.t() - cv::Matx33d::eye()) < kRounding &&
       cv::determinant(rotation) > 0.0) {
@@ -64,7 +64,7 @@ const cv::TermCriteria kUntil(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 5
 
 /// Near the middle, any lens that was calibrated can be undone.
 void requireInverse(const LensCalibration& c) {
-  constexpr double kShare = 0.125;  // of the image, away from the principal point
+  constexpr double kShare = 0.125;  // share of the image size, from the principal point
   constexpr double kNear = 1.0;     // px
   const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
                                          c.camera(1, 2) + kShare * c.image_size.height}};

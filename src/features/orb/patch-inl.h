@@ -113,7 +113,8 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  hn::Vec<Offsets> surplus_;  // what the rounder adds to row * stride + column, modulo 2^32
+  hn::Vec<Offsets>
+      surplus_;  // the offset that the rounder adds to row * stride + column, modulo 2^32
 };
 
 // Reads the pixels one by one.

@@ -18,7 +18,7 @@ struct ResizeAxis {
   int source = 0;
   int target = 0;
   std::vector<ResizeBlock>
-      blocks;  ///< of kResizeBlock target pixels; the last one is padded with its last pixel
+      blocks;           ///< kResizeBlock target pixels each; the last one repeats its last pixel
   bool narrow = false;  ///< every block reads at most 16 neighbouring source pixels
 
   /// The two source pixels of target pixel i and the weight of the second, 0..256.
@@ -81,7 +81,7 @@ class OrbPyramid {
 
  private:
   std::vector<PyramidLevel> levels_;
-  std::vector<Shrinker> shrinkers_;  // of level i into level i + 1
+  std::vector<Shrinker> shrinkers_;  // shrinker i makes level i + 1 from level i
   int first_level_;                  // the caller's image
   int used_ = 0;
 };

@@ -63,7 +63,7 @@ class UniformChoice {
   int keypoints_per_cell_;
   float strong_score_;
   std::vector<Level> levels_;
-  std::vector<int> sizes_;  ///< of all cells, ascending
+  std::vector<int> sizes_;  ///< sizes of all cells, ascending
 };
 
 }  // namespace ktgp_orb::orb

@@ -54,7 +54,7 @@ struct Grid {
   std::array<std::uint32_t, kRing> ring;  ///< number of each neighbour minus the cell's, mod 2^32
 };
 
-/// What the grids say about a match: bit m is set if its cell pair has support with the
+/// The votes of the grids for a match: bit m is set if its cell pair has support with the
 /// neighbourhood rotated by m times 45 degrees. Those of the shifted grids are combined by "or".
 using Votes = std::vector<std::uint16_t>;
 constexpr unsigned kInBestPair = 1u << kRing;   ///< its pair is the best of its target cell
@@ -93,7 +93,7 @@ class CellPairs {
   util::Buckets target_order_;
   std::vector<std::uint32_t> matches_;     ///< sorted by target cell, then by reference cell
   std::vector<Pair> pairs_;                ///< in the same order, and an end
-  std::vector<std::uint32_t> first_pair_;  ///< of each target cell, and an end
+  std::vector<std::uint32_t> first_pair_;  ///< first cell pair of each target cell, and the end
 };
 
 }  // namespace ktgp_orb::gms

@@ -29,11 +29,11 @@ struct GuidedMatcher::Impl {
   knn::KnnKernel kernel = knn::bestKnnKernel();
   std::vector<cv::Point2f> places;       // predicted positions of the reference's keypoints
   knn::NearTable table;                  // their table
-  std::vector<knn::NearKeys> of_target;  // of the nearest two, for each target keypoint
+  std::vector<knn::NearKeys> of_target;  // keys of the nearest two, for each target keypoint
   // For each column of the table, the key of the nearest target keypoint.
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
-  std::vector<Eigen::Vector2d> reference_points;  // of the matches
+  std::vector<Eigen::Vector2d> reference_points;  // for each match
   std::vector<Eigen::Vector2d> target_points;
 };
 

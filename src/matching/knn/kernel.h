@@ -42,7 +42,7 @@ constexpr int kMaxLanes = 32;
 /// The queries of a pass: 32 bytes each, of any alignment.
 struct QueryPass {
   const std::uint8_t* descriptor[kQueriesPerPass];
-  int first_number;  ///< of the first query in its chunk; the others follow
+  int first_number;  ///< number of the first query in its chunk; the others follow
 };
 
 /// The best two keys of every lane, for one query.

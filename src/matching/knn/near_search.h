@@ -59,7 +59,7 @@ class NearTable {
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
   std::vector<float> y_;
-  std::vector<std::int32_t> index_;     // of the keypoint in each column
+  std::vector<std::int32_t> index_;     // keypoint of each column
   std::vector<std::int32_t> position_;  // the column of each keypoint
 };
 
@@ -90,7 +90,7 @@ class NearSearch {
   util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // predicted positions of the keypoints
   std::vector<std::vector<std::int32_t>>
-      nearest_queries_;  // of each candidate, one for each thread
+      nearest_queries_;  // nearest query of each candidate, for each thread
 };
 
 }  // namespace ktgp_orb::knn
