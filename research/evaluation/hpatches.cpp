@@ -62,7 +62,7 @@ Method siftWithOurEstimator(const PipelineOptions& options) {
 
 std::string toTable(const std::vector<SetSummary>& summaries) {
   if (summaries.empty()) return "";
-  // Those of all sets together are the last.
+  // The last entry is for all sets together.
   const SetSummary& last = summaries.back();
   std::string out = "HPatches, " + std::to_string(last.pairs) +
                     " pairs (the papers: 540), shorter side 480 px; AUC of the mean corner error "

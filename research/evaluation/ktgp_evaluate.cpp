@@ -82,7 +82,7 @@ std::vector<Method> knownMethods(const Arguments& arguments) {
   return methods;
 }
 
-/// Those that this build supports.
+/// The methods that this build supports.
 std::vector<Method> available(std::vector<Method> methods) {
   const auto is_missing = [](const Method& m) { return !m.unavailable.empty(); };
   methods.erase(std::remove_if(methods.begin(), methods.end(), is_missing), methods.end());

@@ -18,7 +18,7 @@ struct AccuracySummary {
   std::optional<double> zncc;        ///< mean over the pairs found; needs no ground truth
   // Over the pairs found with a covariance; see CornerConsistency.
   std::optional<double> consistency_ratio;   ///< median of the true over the predicted corner error
-  std::optional<double> consistency_median;  ///< of e' S^-1 e at the corners
+  std::optional<double> consistency_median;  ///< median of e' S^-1 e at the corners
   std::optional<double> consistent;          ///< share of corners below kConsistentBelow
 };
 

@@ -48,7 +48,7 @@ struct MethodScore {
   /// Comparison of the homography's error at the four corners with its covariance; empty without a
   /// covariance, or if the truth is annotated points.
   std::optional<CornerConsistency> consistency;
-  /// Of the images overlapped by the homography; see overlapCorrelation.
+  /// Correlation of the images where the homography overlaps them; see overlapCorrelation.
   std::optional<double> zncc;
   std::vector<StepResult> steps;
   double milliseconds = 0.0;        ///< all steps, without the features of the scene

@@ -53,7 +53,7 @@ constexpr int kCorners = 500;
 /// Corners of the reference (Shi & Tomasi 1994).
 Step corners() {
   return {"corners", [](const Scene& scene, Matching& m) {
-            constexpr double kQuality = 0.01;  // of the best corner's
+            constexpr double kQuality = 0.01;  // share of the best corner's quality
             constexpr double kApart = 7.0;     // px
             std::vector<cv::Point2f> points;
             cv::goodFeaturesToTrack(scene.reference_image, points, kCorners, kQuality, kApart);

@@ -18,10 +18,10 @@ struct FrameScore {
   Search search = Search::whole;
   double inlier_ratio =
       0.0;  ///< final matches over those that passed the ratio filter; 0 if there are none
-  double rmse = 0.0;                   ///< of the inliers, px
+  double rmse = 0.0;                   ///< error of the inliers, px
   double milliseconds = 0.0;           ///< features of this frame and all stages
-  std::optional<double> corner_error;  ///< of this frame's homography, px; if the truth is known
-  std::optional<double> drift;  ///< of the homographies since the window's start, multiplied, px
+  std::optional<double> corner_error;  ///< corner error of this frame, px; if the truth is known
+  std::optional<double> drift;         ///< corner error of the product since the window's start, px
 };
 
 struct SequenceScore {

@@ -28,7 +28,7 @@ using nlohmann::json;
 using util::format;
 using Points = std::vector<Eigen::Vector2d>;
 
-/// What is known about a target in one source. No points: it is not in that frame.
+/// The labels of a target in one source. No points: the target is not in that frame.
 struct Label {
   std::size_t row = 0;
   std::string id;
@@ -36,7 +36,7 @@ struct Label {
   std::map<std::size_t, Points> in_frame;  // by the number of the frame; a photograph has frame 0
 };
 
-/// Those of one photograph or video.
+/// The labels of one photograph or video.
 struct Source {
   std::string name;
   bool is_video = false;
@@ -277,7 +277,7 @@ class Searcher {
   }
 
  private:
-  /// Of the label's answers; infinite: there is none.
+  /// Smallest error of the answers for the label; infinite: there is no answer.
   double leastErrorOf(const TargetFrame& answer, const Label& label, const Points& in_frame) {
     double least = std::numeric_limits<double>::infinity();
     for (const DetectedTarget& found : answer.detections) {

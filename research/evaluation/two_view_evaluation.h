@@ -29,7 +29,7 @@ struct PosePair {
   Eigen::Matrix3d reference_camera;  ///< K, px
   Eigen::Matrix3d target_camera;
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< of length 1
+  Eigen::Vector3d translation;  ///< unit vector
 };
 
 /// The images of `folder` that are `apart` rows from each other in its cameras.txt: one row per
@@ -44,7 +44,7 @@ struct PoseScore {
   /// without a pose.
   double error = 0.0;
   double milliseconds = 0.0;             ///< matching and estimation, without the features
-  double estimation_milliseconds = 0.0;  ///< of the geometry alone; peers: the estimator
+  double estimation_milliseconds = 0.0;  ///< time of the geometry alone; peers: of the estimator
   std::size_t matches = 0;               ///< final ones
   double precision = 0.0;                ///< share of the final matches that are right
   /// Share of the right matches before the geometry that are among the final ones.

@@ -16,7 +16,7 @@ namespace {
 using util::Random;
 
 constexpr double kDegree = util::kPi / 180.0;
-constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
+constexpr double kFocalLength = kWarpWidth;  // px; the reference view is 53 degrees wide
 constexpr double kShown = 0.85;              // share of the picture in the reference view
 const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
 
@@ -104,7 +104,7 @@ cv::Mat toGrey(const cv::Mat& view) {
 }  // namespace
 
 std::optional<WarpLimits> warpLimits(const std::string& name) {
-  if (name == "tiny") return WarpLimits{0.2, 1.002, 0.1, 1.5};  // what a slow camera sees
+  if (name == "tiny") return WarpLimits{0.2, 1.002, 0.1, 1.5};  // as for a slow camera
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};

@@ -11,14 +11,14 @@ namespace ktgp_orb::tools {
 /// Limits for the motion of the camera between the two views of a warp. Every value is drawn
 /// uniformly from -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
 struct WarpLimits {
-  double rotation = 0.0;    ///< about the optical axis, degrees
-  double zoom = 1.0;        ///< of the lens
-  double tilt = 0.0;        ///< of the plane about an axis of any direction within it, degrees
-  double shift = 0.0;       ///< of the image centre along x and along y, px
-  double gamma = 1.3;       ///< of a degraded target, from 1/gamma to gamma on a logarithmic scale
-  double gain = 0.2;        ///< of a degraded target, from 1 - gain to 1 + gain
-  double least_zoom = 1.0;  ///< the zoom is at least this or at most its inverse
-  double least_tilt = 0.0;  ///< the tilt is at least this in either direction, degrees
+  double rotation = 0.0;         ///< about the optical axis, degrees
+  double zoom = 1.0;             ///< ratio of the focal lengths
+  double tilt = 0.0;             ///< largest tilt of the plane, about any axis within it, degrees
+  double shift = 0.0;            ///< largest shift of the image centre along x and along y, px
+  double gamma = 1.3;            ///< a degraded target has 1/gamma to gamma, on a logarithmic scale
+  double gain = 0.2;             ///< a degraded target has 1 - gain to 1 + gain
+  double least_zoom = 1.0;       ///< the zoom is at least this or at most its inverse
+  double least_tilt = 0.0;       ///< the tilt is at least this in either direction, degrees
   bool always_degraded = false;  ///< not only every second target
 };
 
@@ -41,7 +41,7 @@ struct Degradation {
 /// The parameters of a pair of views of one picture; renderWarp makes the images.
 struct Warp {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px; exact
-  std::optional<Degradation> degradation;                    ///< of the target image
+  std::optional<Degradation> degradation;                    ///< degradation of the target image
 };
 
 /// Warp number `index` of a series. The same arguments give the same warp; even numbers are clean,
