@@ -462,5 +462,5 @@ int run(int argc, char** argv) {
 }  // namespace ktgp_orb::tools
 
 int main(int argc, char** argv) {
-  return ktgp_orb::tools::runProgram("ktgp_bag", [&] { return ktgp_orb::run(argc, argv); });
+  return ktgp_orb::tools::runProgram("ktgp_bag", [&] { return ktgp_orb::tools::run(argc, argv); });
 }
