@@ -11,7 +11,7 @@ namespace ktgp_orb::demo {
 namespace {
 
 constexpr int kBandHeight = 256;  // px
-constexpr int kFractionBits = 4;  // of the coordinates passed to OpenCV
+constexpr int kFractionBits = 4;  // fraction bits of the coordinates that OpenCV gets
 constexpr float kFractionScale = 1 << kFractionBits;
 
 /// Unit normal of a side, pointing to `inside`.

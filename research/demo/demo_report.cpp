@@ -1,45 +1,48 @@
-// Watches the demo: a status line while it runs; then a table, two videos and two pictures.
+// Watches the demo: a status line while it runs, then a table and a picture. Also compares what
+// ktgp_bag has found in the same flight, and in a recording of a camera that stands still, with the
+// truth.
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <ktgp_orb/MatchStatus.h>
-#include <ktgp_orb/SaveMosaic.h>
 #include <ros/ros.h>
-#include <sensor_msgs/Image.h>
 #include <std_msgs/String.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "bag/reader.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/motion_score.h"
+#include "demo/stages.h"
 #include "demo/table.h"
 #include "ktgp_orb/evaluation.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/overlay.h"
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
-#include "tools/video_file.h"
 
 namespace ktgp_orb::demo {
 namespace {
 
 const cv::Size kImageSize(kImageWidth, kImageHeight);
+const cv::Size kStillSize(768, 576);  // frame size of vtest.avi
 
 /// The ground truth, read from the bag.
 class Truth {
@@ -115,77 +118,67 @@ double positionError(const Eigen::Matrix3d& found, const Eigen::Matrix3d& truth)
   return std::sqrt(sum / 4.0);
 }
 
+/// Listens to the matcher during the flight. It only records: encoding pictures here would take the
+/// processor from the matcher, and make this program miss messages.
 class Report {
  public:
   Report(const std::string& bag, const std::string& folder)
-      : truth_(bag),
-        bag_(bag),
-        folder_(folder),
-        terminal_(isatty(STDOUT_FILENO) != 0),
-        video_(folder + "/matches.mp4", kFrameRate, true),
-        steady_video_(folder + "/stabilized.mp4", kFrameRate, true) {
+      : truth_(bag), bag_(bag), folder_(folder), terminal_(isatty(STDOUT_FILENO) != 0) {
     ros::NodeHandle node;
-    matches_ = node.subscribe("/camera/matcher/match", 50, &Report::onMatch, this);
-    overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
-    steady_ = node.subscribe("/camera/stabilizer/image", 10, &Report::onSteady, this);
-    places_ = node.subscribe("/camera/mosaic/homography", 50, &Report::onPlace, this);
-    motion_ = node.subscribe("/camera/ground_motion/odometry", 50, &Report::onMotion, this);
-    save_ = node.serviceClient<SaveMosaic>("/camera/mosaic/save");
+    constexpr std::uint32_t kUnlimited = 0;
+    statistics_ =
+        node.subscribe("/camera/matcher/statistics", kUnlimited, &Report::onStatistics, this);
+    matches_ = node.subscribe("/camera/matcher/match", kUnlimited, &Report::onMatch, this);
+    motion_ = node.subscribe("/camera/ground_motion/odometry", kUnlimited, &Report::onMotion, this);
   }
 
-  /// Until the last frame has arrived, or nothing has arrived for a while.
+  /// Until the results of the last frame have arrived, or nothing has arrived for a while.
   bool run() {
     constexpr double kStartTimeout = 60.0;  // s
     constexpr double kIdleTimeout = 5.0;
     ros::WallTime last_news = ros::WallTime::now();
     std::size_t seen = 0;
-    while (ros::ok() && !finished_) {
+    while (ros::ok() && !isComplete()) {
       ros::spinOnce();
       ros::WallDuration(0.002).sleep();
-      if (table_.frames() != seen) {
-        seen = table_.frames();
+      if (counted_.size() + results_.size() != seen) {
+        seen = counted_.size() + results_.size();
         last_news = ros::WallTime::now();
       }
       const double idle = (ros::WallTime::now() - last_news).toSec();
       if (idle > (seen == 0 ? kStartTimeout : kIdleTimeout)) break;
     }
     if (terminal_) std::printf("\r\033[K");
-    return table_.frames() > 0;
+    return !counted_.empty();
   }
 
-  void write() {
-    const std::string text = table_.text(truth_.frames()) + "\nmotion   " +
+  void write() const {
+    ResultTable table;
+    for (const auto& [stamp, statistics] : counted_) {
+      const auto result = results_.find(stamp);
+      table.add(statistics,
+                result != results_.end() ? result->second : FrameResult{truth_.segment(stamp)});
+    }
+    const std::string text = table.text(truth_.frames()) + "\nmotion   " +
                              motionScore(truth_.motion(), odometries_) + "\n";
     std::fputs(text.c_str(), stdout);
     std::ofstream(folder_ + "/summary.txt") << text;
-    drawPicture();
-    std::printf("\npicture  %s\n", picturePath().c_str());
-    video_.close();
-    steady_video_.close();
-    std::printf("video    %s/matches.mp4\nvideo    %s/stabilized.mp4\n", folder_.c_str(),
-                folder_.c_str());
-    saveMosaic();
+    KnownPair pair = graffiti();
+    if (pair.reference.empty()) pair = pairOfTheFlight();
+    if (pair.reference.empty()) return;
+    cv::imwrite(folder_ + "/stages.png", drawStages(pair));
+    std::printf("\npicture  %s/stages.png\n", folder_.c_str());
   }
 
  private:
-  void saveMosaic() {
-    SaveMosaic save;
-    save.request.file = std::filesystem::absolute(folder_ + "/mosaic.png").string();
-    if (!save_.call(save) || !save.response.success) {
-      throw std::runtime_error("the mosaic is not saved: " + save.response.message);
-    }
-    std::printf("mosaic   %s", save.request.file.c_str());
-    if (last_place_) {
-      const Eigen::Matrix3d truth =
-          truth_.between(last_place_->reference_stamp, last_place_->header.stamp);
-      std::printf(", after %.1f s off by %.2f px (RMS)",
-                  (last_place_->header.stamp - last_place_->reference_stamp).toSec(),
-                  positionError(homographyOf(*last_place_).value(), truth));
-    }
-    std::printf("\n");
+  bool isComplete() const {
+    const ros::Time last = truth_.lastStamp();
+    return counted_.count(last) > 0 && results_.count(last) > 0;
   }
 
-  std::string picturePath() const { return folder_ + "/stages.png"; }
+  void onStatistics(const MatchStatisticsConstPtr& statistics) {
+    counted_[statistics->header.stamp] = *statistics;
+  }
 
   void onMatch(const MatchConstPtr& match) {
     const MatchStatistics& statistics = match->statistics;
@@ -198,92 +191,143 @@ class Report {
           evaluation::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
     }
-    table_.add(statistics, result);
+    results_[stamp] = result;
     showLine(statistics, result);
-    finished_ = stamp >= truth_.lastStamp();
   }
 
-  void showLine(const MatchStatistics& message, const FrameResult& result) {
+  void showLine(const MatchStatistics& message, const FrameResult& result) const {
     constexpr std::size_t kEvery = 50;  // frames per line if it cannot be refreshed
-    if (!terminal_ && table_.frames() % kEvery != 0) return;
+    if (!terminal_ && results_.size() % kEvery != 0) return;
     std::printf("%s%s%s", terminal_ ? "\r\033[K" : "",
-                frameLine(table_.frames(), truth_.frames(), message, result).c_str(),
+                frameLine(results_.size(), truth_.frames(), message, result).c_str(),
                 terminal_ ? "" : "\n");
     std::fflush(stdout);
-  }
-
-  void onOverlay(const sensor_msgs::ImageConstPtr& message) {
-    const cv::Mat picture(static_cast<int>(message->height), static_cast<int>(message->width),
-                          CV_8UC3, const_cast<std::uint8_t*>(message->data.data()), message->step);
-    video_.write(picture);
-  }
-
-  void onSteady(const sensor_msgs::ImageConstPtr& message) {
-    steady_video_.write(cv::Mat(static_cast<int>(message->height), static_cast<int>(message->width),
-                                CV_8UC3, const_cast<std::uint8_t*>(message->data.data()),
-                                message->step));
   }
 
   void onMotion(const nav_msgs::OdometryConstPtr& message) {
     odometries_[message->header.stamp] = *message;
   }
 
-  void onPlace(const HomographyStampedConstPtr& message) {
-    if (message->status == MatchStatus::STATUS_OK) last_place_ = message;
-  }
-
-  /// The stages for one pair of frames of the bag, matched here with the default options.
-  void drawPicture() const {
+  /// Two frames of the flight, a second apart, for a system without photographs.
+  KnownPair pairOfTheFlight() const {
     const auto images = openBag(bag_, {"/camera/image_raw"});
-    const std::size_t wanted = images->total() / 4;
-    OrbExtractor extractor;
-    KtgpMatcher matcher;
-    FramePtr frames[2];
-    for (std::size_t i = 0; i < wanted; ++i) images->next();
-    for (FramePtr& frame : frames) {
+    const std::size_t first = images->total() / 4;
+    const auto apart = static_cast<std::size_t>(kFrameRate);
+    KnownPair pair;
+    ros::Time stamp;
+    for (std::size_t i = 0; i <= first + apart; ++i) {
       const auto recorded = images->next();
-      if (!recorded) return;
-      frame = makeFrame(recorded->image, extractor);
+      if (!recorded || !recorded->image) return {};
+      const ros::Time now = recorded->image->header.stamp;
+      if (i == first) {
+        pair.reference = colourImage(recorded->image).clone();
+        stamp = now;
+      } else if (i == first + apart) {
+        pair.target = colourImage(recorded->image).clone();
+        pair.truth = truth_.between(stamp, now);
+      }
     }
-    if (!frames[1]) return;
-    MatchResult result;
-    cv::Mat canvas;
-    matcher.match(frames[0]->features, frames[1]->features, result);
-    drawStages({frames[0]->image, frames[0]->features}, {frames[1]->image, frames[1]->features},
-               result, canvas);
-    cv::imwrite(picturePath(), canvas);
+    return pair;
   }
 
   Truth truth_;
   std::string bag_;
   std::string folder_;
   bool terminal_;
-  bool finished_ = false;
-  ResultTable table_;
-  tools::VideoFile video_;
-  tools::VideoFile steady_video_;
-  HomographyStampedConstPtr last_place_;
-  ros::Subscriber matches_;
-  ros::Subscriber overlays_;
-  ros::Subscriber steady_;
+  std::map<ros::Time, MatchStatistics> counted_;
+  std::map<ros::Time, FrameResult> results_;
   Odometries odometries_;
+  ros::Subscriber statistics_;
+  ros::Subscriber matches_;
   ros::Subscriber motion_;
-  ros::Subscriber places_;
-  ros::ServiceClient save_;
 };
+
+std::vector<std::string> fieldsOf(const std::string& line) {
+  std::vector<std::string> fields;
+  std::istringstream stream(line);
+  for (std::string field; std::getline(stream, field, ',');) fields.push_back(field);
+  return fields;
+}
+
+/// A stamp as ktgp_bag writes it: seconds with nine digits behind the point.
+ros::Time timeOf(const std::string& text) {
+  const std::size_t point = text.find('.');
+  return {static_cast<std::uint32_t>(std::stoul(text.substr(0, point))),
+          static_cast<std::uint32_t>(std::stoul(text.substr(point + 1)))};
+}
+
+/// The homographies of a table that ktgp_bag has written (--csv or --mosaic_poses), by their
+/// stamps; rows without a homography are left out.
+std::map<ros::Time, Eigen::Matrix3d> readHomographies(const std::string& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> names = fieldsOf(line);
+  const auto column = [&](const char* name) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) throw std::runtime_error(path + ": has no column " + name);
+    return static_cast<std::size_t>(found - names.begin());
+  };
+  const std::size_t stamp = column("stamp");
+  const std::size_t first = column("h00");  // the other eight follow
+  std::map<ros::Time, Eigen::Matrix3d> homographies;
+  while (std::getline(file, line)) {
+    const std::vector<std::string> fields = fieldsOf(line);
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    for (std::size_t i = 0; i < 9 && first + i < fields.size(); ++i) {
+      h(static_cast<int>(i / 3), static_cast<int>(i % 3)) = std::atof(fields[first + i].c_str());
+    }
+    if (h(2, 2) != 0.0) homographies[timeOf(fields[stamp])] = h;
+  }
+  return homographies;
+}
+
+/// How far the last frame is from its true place in the mosaic.
+void scoreMosaic(const std::string& bag, const std::string& poses) {
+  const auto places = readHomographies(poses);
+  if (places.empty()) throw std::runtime_error(poses + ": no frame is in the mosaic");
+  const Truth truth(bag);
+  const ros::Time first = places.begin()->first;
+  const ros::Time last = places.rbegin()->first;
+  std::printf("mosaic   after %.1f s and %zu frames off by %.2f px (RMS)\n", (last - first).toSec(),
+              places.size(), positionError(places.rbegin()->second, truth.between(first, last)));
+}
+
+/// The true homography of a camera that stands still is the identity.
+void scoreStillCamera(const std::string& csv) {
+  const auto homographies = readHomographies(csv);
+  std::vector<double> errors;
+  for (const auto& [stamp, h] : homographies) {
+    errors.push_back(evaluation::cornerError(h, Eigen::Matrix3d::Identity(), kStillSize));
+  }
+  std::printf(
+      "real     %zu homographies of a camera that stands still; corner error, median %.3f px\n",
+      errors.size(), evaluation::median(errors));
+}
 
 }  // namespace
 }  // namespace ktgp_orb::demo
 
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "demo_report");
-  if (argc != 3) {
-    std::fprintf(stderr, "usage: demo_report DEMO_BAG OUTPUT_FOLDER\n");
+  ros::init(argc, argv, "demo_report");  // takes roslaunch's own arguments away
+  const std::string mode = argc == 4 ? argv[1] : "";
+  if (mode != "--live" && mode != "--files") {
+    std::fprintf(stderr,
+                 "usage: demo_report --live DEMO_BAG FOLDER   while the demo plays\n"
+                 "       demo_report --files DEMO_BAG FOLDER  for mosaic.csv and real.csv there\n");
     return 2;
   }
+  const std::string bag = argv[2];
+  const std::string folder = argv[3];
   try {
-    mkdir(argv[2], 0777);
-    ktgp_orb::demo::Report report(argv[1], argv[2]);
+    if (mode == "--files") {
+      ktgp_orb::demo::scoreMosaic(bag, folder + "/mosaic.csv");
+      const std::string real = folder + "/real.csv";
+      if (std::filesystem::exists(real)) ktgp_orb::demo::scoreStillCamera(real);
+      return 0;
+    }
+    mkdir(folder.c_str(), 0777);
+    ktgp_orb::demo::Report report(bag, folder);
     if (!report.run()) {
       std::fprintf(stderr, "demo_report: the matcher published nothing\n");
       return 1;

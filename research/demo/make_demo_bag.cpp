@@ -67,7 +67,7 @@ HomographyStamped truth(int frame, const Manner& manner) {
   return message;
 }
 
-/// What the camera flies over, and how.
+/// The scene of the flight.
 struct Scene {
   cv::Mat map;
   std::vector<Sign> signs;  ///< on the map

@@ -65,7 +65,7 @@ Eigen::Matrix3d place(double seconds, double aside, double degrees) {
   return result;
 }
 
-/// Of the middle of a sign in front of the camera.
+/// Pose of the middle of a sign in front of the camera.
 Pose3 poseOf(const Eigen::Matrix3d& image_from_sign) {
   Eigen::Matrix3d sign_from_metres;
   sign_from_metres << 1.0 / kMetre, 0.0, 0.5 * (kWidth - 1), 0.0, 1.0 / kMetre, 0.5 * (kHeight - 1),

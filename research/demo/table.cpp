@@ -86,7 +86,7 @@ std::string ResultTable::text(std::size_t in_bag) const {
     text += format("\n%-26s", name.c_str());
     for (const Column* column : columns) text += format("%16s", cell(*column).c_str());
   };
-  row("frames matched", [](const Column& c) { return format("%zu", c.frames); });
+  row("frames processed", [](const Column& c) { return format("%zu", c.frames); });
   row("homographies found", [](const Column& c) { return format("%zu", c.found); });
   for (std::size_t i = 0; i < 5; ++i) {
     row(format("mean count, %s", kStages[i]),
@@ -100,11 +100,16 @@ std::string ResultTable::text(std::size_t in_bag) const {
   row("corner error p50 / p95, px", [](const Column& c) { return p50p95(c.error); });
   row("reprojection error, px",
       [](const Column& c) { return format("%.3f", mean(c.reprojection_error)); });
-  text += format("\nframes in the bag %zu, matched %zu, dropped by the matcher %lu\n", in_bag,
-                 all_.frames, static_cast<unsigned long>(dropped_));
+  const std::size_t known = all_.frames + dropped_;
+  text += format("\nframes in the bag %zu = processed by the matcher %zu", in_bag, all_.frames);
+  if (dropped_ > 0) text += format(" + dropped, since newer ones had arrived, %zu", dropped_);
+  if (known < in_bag) text += format(" + lost on the way to the matcher %zu", in_bag - known);
+  text += '\n';
   text +=
-      "Against the truth: corner error, of the homography, mean over the corners of the image; "
-      "reprojection\nerror, root mean square over the final matches of a frame.\n";
+      "Corner error: how far the homography puts the corners of the image from their true places, "
+      "mean over the corners.\nReprojection error: how far the keypoints of the final matches are "
+      "from their true places, root mean square;\nabout 1 px, since keypoints lie on whole pixels. "
+      "The homography comes from aligned points.\n";
   return text;
 }
 

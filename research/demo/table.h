@@ -43,9 +43,9 @@ class ResultTable {
   };
 
   Column all_;
-  std::vector<std::string> order_;  // of the segments, in order of appearance
+  std::vector<std::string> order_;  // names of the segments, in order of appearance
   std::map<std::string, Column> segments_;
-  std::uint64_t dropped_ = 0;
+  std::size_t dropped_ = 0;
 };
 
 }  // namespace ktgp_orb::demo
