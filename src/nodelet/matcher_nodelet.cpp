@@ -248,8 +248,7 @@ void MatcherNodelet::beforeReport() {
       "homographies",
       !is_rare ? ""
                : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
-                     toString(facts_.last_failure) + (size.empty() ? "" : "; " + size),
-      false);
+                     toString(facts_.last_failure) + (size.empty() ? "" : "; " + size));
   diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
   diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from ktgp_testing import MatcherCase, Repeated, image_message, of_matcher, views, wait_until
+from ktgp_testing import Log, MatcherCase, Repeated, image_message, of_matcher, views, wait_until
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -52,6 +52,12 @@ class DiagnosticsTest(MatcherCase):
         self.assertGreater(int(values['dropped']), 0)
         self.assertGreater(float(values['rate (1/s)']), 20)
         self.configure(features=2000)
+
+    def test_a_covered_camera_is_in_the_log_too(self):
+        log = Log(self)
+        self.picture = np.zeros_like
+        self.wait_for('matcher', WARN, 'no homography found: too_few_features')
+        log.wait_for_words('no homography found: too_few_features')
 
     def test_matcher(self):
         noise = np.random.RandomState(1)
