@@ -75,8 +75,9 @@ class BagImages : public ImageSource {
     if (names.count(topic_) > 0) return;
     const std::string has =
         wanted.empty() ? " has no single image topic" : " has no image on '" + wanted + "'";
-    throw UnusableBag(path + has + "; its image topics: " +
-                      (names.empty() ? "none" : util::joined(names, ", ")) + whatIsDamaged());
+    throw UnusableBag(
+        path + has + "; its image topics: " + (names.empty() ? "none" : util::joined(names, ", ")) +
+        (names.size() > 1 ? "; choose one with --topic" : "") + whatIsDamaged());
   }
 
   std::string whatIsDamaged() const {

@@ -51,6 +51,13 @@ class BagInputsTest(FolderCase):
         self.run_bag(path, '--topic', '/front/other', code=2,
                      words="has no image on '/front/other'; its image topics: /front/image")
 
+    def test_several_image_topics_are_listed_with_the_option_that_chooses_one(self):
+        path = self.write_bag()
+        with rosbag.Bag(path, 'a') as bag:
+            topic, message, time = next(iter(bag.read_messages()))
+            bag.write('/rear/image', message, time)
+        self.run_bag(path, code=2, words='its image topics: %s, /rear/image; choose one with --topic' % topic)
+
     def test_max_rate_skips_and_counts(self):
         self.run_bag(self.write_bag(), '--max_rate', '10')
         statistics = self.output('statistics')
