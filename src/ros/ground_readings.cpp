@@ -248,7 +248,7 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
       return "numbers too large to compute with: the odometry begins anew";
     case GroundStatus::looks_away:
       return "the camera looks away from the ground, by " + normalSource() +
-             ": see where tf has the camera and the sensor; an Imu upside down is one, too";
+             ": check the mounting of camera and sensor in tf (is the Imu upside down?)";
     case GroundStatus::ok:
     case GroundStatus::started:
     case GroundStatus::resumed:
