@@ -4,6 +4,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "estimation/false_alarms.h"
 #include "homography/fit.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -35,7 +36,7 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   normalised.load(pairs.reference, pairs.target, by_quality, options.max_error);
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
   rules.chance_inlier =
-      homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
+      estimation::chanceInlier(estimation::coveredArea(pairs.target), options.max_error);
   rules.seed = options.seed;
   problem.setPairs(normalised);
   const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;

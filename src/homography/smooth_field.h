@@ -71,8 +71,9 @@ class SmoothField {
 
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see m_estimator.cpp).
-  /// The eighth is zero: Eigen has vector code for eight doubles, not for seven.
+  /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see
+  /// reprojection_fit.cpp). The eighth is zero: Eigen has vector code for eight doubles, not for
+  /// seven.
   using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {

@@ -2,6 +2,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "estimation/student.h"
+
 namespace ktgp_orb::motion {
 namespace {
 
@@ -19,8 +21,9 @@ Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
 }  // namespace
 
 double studentNoise(double misfit, int dimensions) {
-  constexpr double kFreedom = 4.0;
-  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+  constexpr double kNormal = 3.0;  // squared misfit of a dimension that normal noise may have
+  const double weight = estimation::studentWeight(misfit * misfit, 1.0, kNormal * dimensions);
+  return std::max(1.0, 1.0 / weight);
 }
 
 void Relief::add(double deviation, double parallax) {
