@@ -13,20 +13,43 @@
 namespace ktgp_orb::homography {
 using util::kPi;
 
-bool HomographyVerdict::trusts(const Eigen::Matrix3d& homography, const PointPairs& pairs,
-                               const cv::Size& reference_size, double threshold) {
-  const FourPoints corners = imageCorners(reference_size, pairs.reference);
-  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
-  const double sign = homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
-  if (!keepsPlaneInView(sign * homography, corners)) return false;
+namespace {
+
+/// label(), and visits the number and the squared error, px², of each inlier.
+template <typename Visit>
+void labelEach(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
+               ProsacResult& result, const Visit& visit) {
+  result.answer = answer;
+  result.mask.assign(pairs.size(), 0);
+  result.inliers = 0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double error = errorOf(answer.homography, pairs.reference[i], pairs.target[i]);
+    if (!(error < max_error)) continue;
+    result.mask[i] = 1;
+    ++result.inliers;
+    sum += error * error;
+    visit(i, error * error);
+  }
+  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+}
+
+}  // namespace
+
+bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
+                               const cv::Size& reference_size, double threshold,
+                               ProsacResult& result) {
   squared_error_.resize(pairs.size());
   inliers_.clear();
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = errorOf(homography, pairs.reference[i], pairs.target[i]);
-    squared_error_[i] = error * error;
-    if (error < threshold) inliers_.push_back(i);
-  }
-  return !explainableByChance(pairs, threshold);
+  labelEach(answer, pairs, threshold, result, [this](std::size_t i, double squared_error) {
+    squared_error_[i] = squared_error;
+    inliers_.push_back(i);
+  });
+  const Eigen::Matrix3d& h = answer.homography;
+  const FourPoints corners = imageCorners(reference_size, pairs.reference);
+  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
+  const double sign = h.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
+  return keepsPlaneInView(sign * h, corners) && !explainableByChance(pairs, threshold);
 }
 
 bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold) {
@@ -84,18 +107,7 @@ void requireFinite(const PointPairs& pairs) {
 
 void label(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
            ProsacResult& result) {
-  result.answer = answer;
-  result.mask.resize(pairs.size());
-  result.inliers = 0;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = errorOf(answer.homography, pairs.reference[i], pairs.target[i]);
-    result.mask[i] = error < max_error ? 1 : 0;
-    if (result.mask[i] == 0) continue;
-    ++result.inliers;
-    sum += error * error;
-  }
-  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+  labelEach(answer, pairs, max_error, result, [](std::size_t, double) {});
 }
 
 }  // namespace ktgp_orb::homography

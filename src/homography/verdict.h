@@ -22,14 +22,15 @@ class HomographyVerdict {
  public:
   /// `pairs`: the matches that the homography, in px, is compared with; `threshold`: inliers have a
   /// smaller reprojection error, px. `reference_size` may be empty (see imageCorners).
-  bool trusts(const Eigen::Matrix3d& homography, const PointPairs& pairs,
-              const cv::Size& reference_size, double threshold);
+  /// Labels `result` with the homography (see label) in any case, since that needs the same errors.
+  bool trusts(const UncertainHomography& answer, const PointPairs& pairs,
+              const cv::Size& reference_size, double threshold, ProsacResult& result);
 
  private:
   bool explainableByChance(const PointPairs& pairs, double threshold);
   bool explainable(const PointPairs& pairs, double threshold, double covered_area);
 
-  std::vector<double> squared_error_;  // of all pairs, px²
+  std::vector<double> squared_error_;  // of the inliers, px²; one entry for each pair
   std::vector<std::size_t> inliers_;
   std::vector<std::size_t> counted_;  // inliers that count
 };

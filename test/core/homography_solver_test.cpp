@@ -802,6 +802,7 @@ bool chanceExplains(std::vector<double> errors, double area) {
 TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
   Numbers numbers(5);
   HomographyVerdict verdict;
+  ProsacResult labelled;
   int trusted = 0;
   constexpr int kRuns = 2000;
   for (int run = 0; run < kRuns; ++run) {
@@ -818,7 +819,7 @@ TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
       pairs.quality.push_back(0.0);
     }
     const double area = estimation::coveredArea(pairs.target);
-    const bool trusts = verdict.trusts(Eigen::Matrix3d::Identity(), pairs, kSize, 3.0);
+    const bool trusts = verdict.trusts({Eigen::Matrix3d::Identity()}, pairs, kSize, 3.0, labelled);
     EXPECT_EQ(trusts, !chanceExplains(errors, area)) << run;
     trusted += trusts ? 1 : 0;
   }
