@@ -203,6 +203,15 @@ Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
   return h;
 }
 
+/// The part of the state that starts at `begin` becomes `slope` times the state plus noise with the
+/// covariance `noise`.
+void GroundFilter::replace(int begin, const SmallRef& slope, const SmallRef& noise) {
+  const Eigen::Index n = slope.rows();
+  covariance_.middleRows(begin, n) = times(slope, covariance_);
+  covariance_.middleCols(begin, n) = covariance_.middleRows(begin, n).transpose().eval();
+  covariance_.block(begin, begin, n, n) = times(slope, covariance_.middleCols(begin, n)) + noise;
+}
+
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   moveFrame();
   const Eigen::Matrix3d from_keyframe =
@@ -214,11 +223,8 @@ void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   Eigen::Matrix<double, 8, kSize> slope = Eigen::Matrix<double, 8, kSize>::Zero();
   slope.middleCols<6>(kNow) = -times(mapFromEntries(h), byPose(h, map_, now_));
   if (!at_reference) slope.col(kReadout) = by_homography * motion.by_readout;
-  covariance_.middleRows<8>(kMap) = times(slope, covariance_);
-  covariance_.middleCols<8>(kMap) = covariance_.middleRows<8>(kMap).transpose().eval();
-  covariance_.block<8, 8>(kMap, kMap) =
-      times(slope, covariance_.middleCols<8>(kMap)) +
-      kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance);
+  replace(kMap, slope,
+          kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance));
 }
 
 std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
@@ -259,12 +265,10 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
 
   before_ = now_;
   now_ = pose;
-  covariance_.middleRows<6>(kBefore) = covariance_.middleRows<6>(kNow).eval();
-  covariance_.middleCols<6>(kBefore) = covariance_.middleCols<6>(kNow).eval();
-  covariance_.middleRows<6>(kNow) = times(slope, covariance_);
-  covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
-  covariance_.block<6, 6>(kNow, kNow) = times(slope, covariance_.middleCols<6>(kNow)) +
-                                        inverseOf(times(by_pose.transpose(), by_pose));
+  Eigen::Matrix<double, 6, kSize> same = Eigen::Matrix<double, 6, kSize>::Zero();
+  same.middleCols<6>(kNow).setIdentity();
+  replace(kBefore, same, Matrix6::Zero());
+  replace(kNow, slope, inverseOf(times(by_pose.transpose(), by_pose)));
   return true;
 }
 
