@@ -54,7 +54,7 @@ std::vector<DetectedTarget> findTargets(Targets& targets, const py::object& imag
   return targets.use([&](TargetFinder& finder) { return finder.find(grey.pixels).detections; });
 }
 
-void defineTargets(py::module_& module) {
+void defineDetectedTarget(py::module_& module) {
   py::class_<DetectedTarget>(module, "DetectedTarget", "A flat target in an image.")
       .def_readonly("id", &DetectedTarget::id)
       .def_readonly("instance", &DetectedTarget::instance, "From 0; of several copies in an image.")
@@ -82,6 +82,10 @@ void defineTargets(py::module_& module) {
       .def_readonly("ambiguity", &DetectedTarget::ambiguity,
                     "How it looks like itself in another pose, such as \"turned by 180 degrees\": "
                     "then this pose is one of several. Empty: it does not.");
+}
+
+void defineTargets(py::module_& module) {
+  defineDetectedTarget(module);
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
@@ -231,7 +235,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   return shared.use([&](GroundMotion& motion) { return motion.add(given); });
 }
 
-void defineGroundMotion(py::module_& module) {
+void defineGroundResults(py::module_& module) {
   py::class_<ImuMounting>(module, "ImuMounting",
                           "How an Imu is mounted and stamped, as the images show it. What the "
                           "motion does not show is 0 with an infinite standard deviation.")
@@ -276,6 +280,10 @@ void defineGroundMotion(py::module_& module) {
       .def_readonly("imu", &GroundEstimate::imu,
                     "ImuMounting; None: the motion has shown nothing yet. Nothing is corrected by "
                     "it.");
+}
+
+void defineGroundMotion(py::module_& module) {
+  defineGroundResults(module);
   const GroundMotionOptions usual;
   py::class_<SharedMotion>(module, "GroundMotion",
                            "Motion in metres of a calibrated camera that looks at flat ground. "
