@@ -223,6 +223,15 @@ UncertainHomography withUnknownShutter(const UncertainHomography& now,
   return answer;
 }
 
+void requireTimes(double seconds, double readout_time, const cv::Size& reference_size, int rows) {
+  if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
+  if (rows > 0 && seconds > 0.0 && !std::isnan(readout_time)) return;
+  throw std::invalid_argument("rows are " + std::to_string(rows) +
+                              ", the time between the images " + std::to_string(seconds) +
+                              " s, the readout time " + std::to_string(readout_time) +
+                              " s; expected at least one row, more than 0 s, and a number");
+}
+
 }  // namespace
 
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
@@ -261,13 +270,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows) {
-  if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
-  if (!(rows > 0 && seconds > 0.0) || std::isnan(readout_time)) {
-    throw std::invalid_argument("rows are " + std::to_string(rows) +
-                                ", the time between the images " + std::to_string(seconds) +
-                                " s, the readout time " + std::to_string(readout_time) +
-                                " s; expected at least one row, more than 0 s, and a number");
-  }
+  requireTimes(seconds, readout_time, reference_size, rows);
   if (readout_time < 0.0) return withUnknownShutter(now, before, seconds, reference_size, rows);
   const auto corners = homography::imageCorners(reference_size, {});
   if (!homography::keepsPlaneInView(now.homography, corners) ||

@@ -235,7 +235,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   return shared.use([&](GroundMotion& motion) { return motion.add(given); });
 }
 
-void defineGroundResults(py::module_& module) {
+void defineImuMounting(py::module_& module) {
   py::class_<ImuMounting>(module, "ImuMounting",
                           "How an Imu is mounted and stamped, as the images show it. What the "
                           "motion does not show is 0 with an infinite standard deviation.")
@@ -250,6 +250,9 @@ void defineGroundResults(py::module_& module) {
       .def_readonly("bias_deviation", &ImuMounting::bias_deviation)
       .def_property_readonly("trouble", &troubleOf, "What is certainly wrong; empty: nothing.")
       .def("__str__", &describe);
+}
+
+void defineGroundEstimate(py::module_& module) {
   py::class_<GroundEstimate>(module, "GroundEstimate", "Position and velocity of the base.")
       .def_property_readonly(
           "status", [](const GroundEstimate& e) { return toString(e.status); },
@@ -283,7 +286,8 @@ void defineGroundResults(py::module_& module) {
 }
 
 void defineGroundMotion(py::module_& module) {
-  defineGroundResults(module);
+  defineImuMounting(module);
+  defineGroundEstimate(module);
   const GroundMotionOptions usual;
   py::class_<SharedMotion>(module, "GroundMotion",
                            "Motion in metres of a calibrated camera that looks at flat ground. "

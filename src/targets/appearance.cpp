@@ -154,8 +154,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
                                            double above_neighbours) {
-  constexpr float kPictureDeviation = 6.F;  // grey values
-  constexpr float kFrameDeviation = 3.F;
+  constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;  // grey values
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
   constexpr double kLeastShare = 0.3;  // share of the blocks in view; the others may be hidden
@@ -188,8 +187,8 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
     similarity.log_false_alarms = std::numeric_limits<double>::infinity();
     return similarity;
   }
-  const double chance = std::min(decoys.hits / decoys.pairs, 0.999);
-  similarity.log_false_alarms = std::log10(tests) + logTail(own.hits, own.pairs, chance);
+  similarity.log_false_alarms =
+      std::log10(tests) + logTail(own.hits, own.pairs, std::min(decoys.hits / decoys.pairs, 0.999));
   return similarity;
 }
 
