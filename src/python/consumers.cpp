@@ -1,6 +1,7 @@
 // Classes built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <tuple>
@@ -11,6 +12,7 @@
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
 #include "ktgp_orb/target_finder.h"
+#include "ktgp_orb/target_pose.h"
 #include "python/arrays.h"
 #include "python/match.h"
 #include "python/shared.h"
@@ -118,6 +120,44 @@ void defineTargets(py::module_& module) {
       .def("find", findTargets, py::arg("image"),
            "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
            "are followed.");
+}
+
+using SharedPose = Shared<TargetPose>;
+using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, double>;
+
+std::vector<FoundPose> findPoses(SharedPose& shared, const DetectedTarget& target,
+                                 const Eigen::Matrix3d& camera, std::pair<int, int> size,
+                                 std::vector<double> distortion, double seconds) {
+  LensCalibration calibration;
+  calibration.image_size = {size.first, size.second};
+  for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera(i / 3, i % 3);
+  calibration.rectified_camera = calibration.camera;
+  calibration.distortion = std::move(distortion);
+  std::optional<Lens> lens;
+  if (!calibration.distortion.empty()) lens.emplace(calibration);
+  const auto stamp = static_cast<std::int64_t>(std::llround(1e9 * seconds));
+  const PlanarPoses found = shared.use([&](TargetPose& pose) {
+    return pose.find(target, camera, lens ? &*lens : nullptr, stamp, size.second);
+  });
+  std::vector<FoundPose> poses;
+  for (const PlanarPose& p : found.poses)
+    poses.emplace_back(p.target_to_camera.matrix(), p.covariance, p.share);
+  return poses;
+}
+
+void defineTargetPose(py::module_& module) {
+  py::class_<SharedPose>(module, "TargetPose",
+                         "Poses of found targets in front of a camera with a lens and a shutter.")
+      .def(py::init<double>(), py::arg("readout_time") = -1.0,
+           "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
+           "0: not known.")
+      .def("find", findPoses, py::arg("target"), py::arg("camera"), py::arg("size"),
+           py::arg("distortion") = std::vector<double>(), py::arg("seconds") = 0.0,
+           "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
+           "camera: (3, 3), K in px;\nsize: width and height of the image; distortion: 4, 5, 8, 12 "
+           "or 14 coefficients in OpenCV's order; seconds: time of the image.\nEach is (target to "
+           "camera, (4, 4), m; (6, 6) covariance of x, y, z and rotations about the camera's axes; "
+           "likelihood against the other one, 0 to 1).\nRaises ValueError.");
 }
 
 using SharedMosaic = Shared<Mosaic>;
@@ -322,6 +362,7 @@ void defineGroundMotion(py::module_& module) {
 
 void defineConsumers(py::module_& module) {
   defineTargets(module);
+  defineTargetPose(module);
   defineMosaic(module);
   defineStabilizer(module);
   defineGroundMotion(module);
