@@ -19,6 +19,14 @@ bool findStep(const NormalEquations& sums, double damping, const FitRules& rules
   return step.allFinite() && step.cwiseAbs().maxCoeff() < rules.longest;
 }
 
+void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
+                     NormalEquations& sums) {
+  sums.squares = util::times(jacobian.transpose(), jacobian);
+  sums.gradient = util::times(jacobian.transpose(), residual);
+  sums.weight = sums.derivative = 1.0;
+  sums.square = sums.cost = sums.former_cost = residual.squaredNorm();
+}
+
 Information inverseOf(const util::SmallRef& squares) {
   constexpr double kSingular = 1e-14;  // of the largest pivot: rounding
   const Eigen::Index p = squares.rows();

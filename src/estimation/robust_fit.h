@@ -1,10 +1,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 #include "estimation/student.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::estimation {
 
@@ -111,6 +114,11 @@ class RobustFit {
   NormalEquations trial_;
   Step step_;
 };
+
+/// linearise() for plain least squares. `residual`: with the covariance I; `jacobian`: of it by the
+/// step.
+void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
+                     NormalEquations& sums);
 
 /// linearise() for a problem that evaluates one measurement at a time:
 ///

@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "estimation/least_squares.h"
+#include "estimation/robust_fit.h"
 #include "util/constants.h"
 
 namespace ktgp_orb::motion {

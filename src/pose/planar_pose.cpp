@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "estimation/least_squares.h"
+#include "estimation/robust_fit.h"
 #include "estimation/sandwich.h"
 #include "homography/transform.h"
 #include "util/constants.h"
