@@ -552,7 +552,8 @@ DetectedTarget detectedThrough(const LensCalibration& lens, const Eigen::Isometr
   const cv::Mat nearest = cv::findHomography(from, to);
   for (int i = 0; i < 9; ++i)
     target.homography.homography(i / 3, i % 3) = nearest.at<double>(i / 3, i % 3);
-  target.homography.covariance = Covariance8::Identity();
+  std::mt19937 random(1);
+  target.homography.covariance = covarianceOf(pose, 0.5, random);
   return target;
 }
 
