@@ -70,6 +70,7 @@ struct HomographyGrowth::Impl {
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::HomographyVerdict whole_view;
+  ProsacResult labelled;     // with the pairs of the growth
   cv::Size image_size;       // size of the reference
   std::size_t own_size = 0;  // number of its own keypoints, without those of its views
   std::vector<View> views;
@@ -260,7 +261,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   const auto evidence = homography::evidenceOfKeypoints(growth::Verdict::kRadius, true);
   result.found =
       refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate) &&
-      whole_view.trusts(estimate.homography, result.pairs, image_size, growth::Verdict::kRadius);
+      whole_view.trusts(estimate, result.pairs, image_size, growth::Verdict::kRadius, labelled);
   if (!result.found) {
     result.pairs.clear();
     return false;

@@ -62,6 +62,26 @@ void LocalMatcher::setTarget(const Features& target) {
   alike_.resize(target.size());
 }
 
+/// The key of the nearest of the first `count` alike_ keypoints, and its place; kNoKey: none is
+/// near enough. `index`, `bits`: of the reference.
+std::int64_t LocalMatcher::nearest(std::int32_t index, const Bits& bits, std::size_t count,
+                                   std::uint32_t& place) {
+  std::int64_t best = kNoKey;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::uint32_t i = alike_[k];
+    const int d = distance(bits, bits_[i]);
+    if (d > kMaxDistance) continue;
+    ++candidates_;
+    const std::int64_t here = key(d, cells_.order()[i]);
+    if (here < best) {
+      best = here;
+      place = i;
+    }
+    best_reference_[i] = std::min(best_reference_[i], key(d, index));
+  }
+  return best;
+}
+
 std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
                                 const std::vector<Bits>& reference, const cv::Point2f& shift,
                                 float radius, std::vector<LocalMatch>& matches) {
@@ -77,39 +97,25 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
     const std::int32_t index = prediction.reference;
     const Bits& bits = reference[static_cast<std::size_t>(index)];
     bool is_near = false;
-    std::int64_t best = kNoKey;
-    std::uint32_t best_place = 0;
     std::size_t count = 0;
     cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
       count += kernel_->find(columns_.data(), pitch_, begin, end, wanted, squared_radius,
                              alike_.data() + count, is_near);
     });
-    for (std::size_t k = 0; k < count; ++k) {
-      const std::uint32_t i = alike_[k];
-      const int d = distance(bits, bits_[i]);
-      if (d > kMaxDistance) continue;
-      ++candidates_;
-      const std::int64_t here = key(d, cells_.order()[i]);
-      if (here < best) {
-        best = here;
-        best_place = i;
-      }
-      best_reference_[i] = std::min(best_reference_[i], key(d, index));
-    }
     near += is_near ? 1 : 0;
+    std::uint32_t best_place = 0;
+    const std::int64_t best = nearest(index, bits, count, best_place);
     if (best == kNoKey) continue;
     const float error_x = frames_[best_place].x - wanted.x;
     const float error_y = frames_[best_place].y - wanted.y;
-    matches.push_back({index, static_cast<std::int32_t>(best_place),
-                       static_cast<std::int32_t>(best >> 32),
+    matches.push_back({index, cells_.order()[best_place], static_cast<std::int32_t>(best >> 32),
                        error_x * error_x + error_y * error_y});
   }
   const auto is_one_way = [&](const LocalMatch& m) {
-    return static_cast<std::int32_t>(best_reference_[static_cast<std::size_t>(m.target)] &
-                                     0xffffffff) != m.reference;
+    const std::uint32_t place = position_[static_cast<std::size_t>(m.target)];
+    return static_cast<std::int32_t>(best_reference_[place] & 0xffffffff) != m.reference;
   };
   matches.erase(std::remove_if(matches.begin(), matches.end(), is_one_way), matches.end());
-  for (LocalMatch& m : matches) m.target = cells_.order()[static_cast<std::size_t>(m.target)];
   return near;
 }
 

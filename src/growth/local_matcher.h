@@ -67,6 +67,9 @@ class LocalMatcher {
  private:
   static constexpr float kCell = 8.F;  // px
 
+  std::int64_t nearest(std::int32_t index, const Bits& bits, std::size_t count,
+                       std::uint32_t& place);
+
   const AlikeKernel* kernel_ = &bestAlikeKernel();
   util::CellGrid cells_;
   cv::Size image_size_;

@@ -1,17 +1,19 @@
 #include "growth/map_fit.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
 
 #include "homography/point_pairs.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::growth {
 namespace {
 
 using homography::Normalisation;
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
 /// To the centroid, and to a mean distance of 1.
 Normalisation scalingOf(const Places& places) {
@@ -29,6 +31,14 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   if (!(p.z() > 0.0)) return 0.0;
   const double squared = (p.hnormalized() - to).squaredNorm();
   return 1.0 / (1.0 + squared / (scale * scale));
+}
+
+/// Adds the equation `row` h = `value` to the normal equations. Column by column, since the
+/// products of Eigen for these sizes take long to compile.
+void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8& products) {
+  const Vector8 weighted = weight * row;
+  for (int i = 0; i < 8; ++i) sums.col(i) += row[i] * weighted;
+  products += value * weighted;
 }
 
 /// Not mirrored, and all places on the near side of the horizon.
@@ -59,10 +69,10 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
     sums += weight * x * x.transpose();
     products += weight * x * target[i].transpose();
   }
-  const Eigen::LDLT<Eigen::Matrix3d> ldlt(sums);
-  if (!(ldlt.vectorD().minCoeff() > kTooFlat)) return false;
+  const auto solution = util::solutionOf(sums, products, kTooFlat);
+  if (!solution) return false;
   Eigen::Matrix3d fitted = Eigen::Matrix3d::Identity();
-  fitted.topRows<2>() = ldlt.solve(products).transpose();
+  fitted.topRows<2>() = solution->transpose();
   fitted = fitted * from.matrix();
   if (!keepsSides(fitted, reference)) return false;
   map = fitted;
@@ -71,8 +81,7 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map) {
-  using Vector8 = Eigen::Matrix<double, 8, 1>;
-  using Matrix8 = Eigen::Matrix<double, 8, 8>;
+  constexpr double kTooFlat = 1e-4;  // smallest pivot
   const Normalisation from = scalingOf(reference);
   const Normalisation to = scalingOf(target);
   Matrix8 sums = Matrix8::Zero();
@@ -86,16 +95,15 @@ bool fitHomography(const Places& reference, const Places& target, double scale,
         weightOf(reference[i], target[i], scale, map) / std::max(depth * depth, 1e-6);
     const Eigen::Vector2d x = from.apply(reference[i]);
     const Eigen::Vector2d u = to.apply(target[i]);
-    Eigen::Matrix<double, 2, 8> rows;
-    rows << x.x(), x.y(), 1, 0, 0, 0, -u.x() * x.x(), -u.x() * x.y(),  //
-        0, 0, 0, x.x(), x.y(), 1, -u.y() * x.x(), -u.y() * x.y();
-    sums.noalias() += weight * rows.transpose() * rows;
-    products.noalias() += weight * rows.transpose() * u;
+    Vector8 row;
+    row << x.x(), x.y(), 1, 0, 0, 0, -u.x() * x.x(), -u.x() * x.y();
+    add(row, u.x(), weight, sums, products);
+    row << 0, 0, 0, x.x(), x.y(), 1, -u.y() * x.x(), -u.y() * x.y();
+    add(row, u.y(), weight, sums, products);
   }
-  const Eigen::LDLT<Matrix8> ldlt(sums);
-  constexpr double kTooFlat = 1e-4;
-  if (!(ldlt.vectorD().minCoeff() > kTooFlat)) return false;
-  const Vector8 h = ldlt.solve(products);
+  const auto solution = util::solutionOf(sums, products, kTooFlat);
+  if (!solution) return false;
+  const Vector8 h = *solution;
   Eigen::Matrix3d fitted;
   fitted << h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0;
   fitted = to.matrix().inverse() * fitted * from.matrix();

@@ -35,6 +35,22 @@ cv::Matx23d matrixOf(const Eigen::Matrix<double, 2, 3>& m) {
   return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2)};
 }
 
+/// Not 0 inside the image, but `border` px of it; 0 in its extended border.
+cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<double, 2, 3>& to_view,
+                 const cv::Size& view) {
+  cv::Mat mask = cv::Mat::zeros(view, CV_8U);
+  std::vector<cv::Point> outline;
+  const double far_x = image.width - 1.0 - border;
+  const double far_y = image.height - 1.0 - border;
+  for (const auto& [x, y] : {std::pair(border, border), std::pair(far_x, border),
+                             std::pair(far_x, far_y), std::pair(border, far_y)}) {
+    const Eigen::Vector2d p = to_view * Eigen::Vector3d(x, y, 1.0);
+    outline.emplace_back(cvRound(p.x()), cvRound(p.y()));
+  }
+  cv::fillConvexPoly(mask, outline, 255);
+  return mask;
+}
+
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
   constexpr double kBlur = 0.8;  // px of the rotated image per unit of tilt: Morel & Yu
   // Width of a patch, px.
@@ -60,18 +76,7 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   cv::warpAffine(blurred, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR,
                  cv::BORDER_REPLICATE);
 
-  // Keypoints only inside the image, not in its extended border.
-  cv::Mat mask = cv::Mat::zeros(size, CV_8U);
-  std::vector<cv::Point> outline;
-  const double far_x = image.cols - 1.0 - 0.5 * margin;
-  const double far_y = image.rows - 1.0 - 0.5 * margin;
-  for (const auto& [x, y] : {std::pair(0.5 * margin, 0.5 * margin), std::pair(far_x, 0.5 * margin),
-                             std::pair(far_x, far_y), std::pair(0.5 * margin, far_y)}) {
-    const Eigen::Vector2d p = view.to_view * Eigen::Vector3d(x, y, 1.0);
-    outline.emplace_back(cvRound(p.x()), cvRound(p.y()));
-  }
-  cv::fillConvexPoly(mask, outline, 255);
-
+  const cv::Mat mask = insideOf(image.size(), 0.5 * margin, view.to_view, size);
   OrbOptions fewer = options;
   fewer.max_features = std::max(1, cvRound(options.max_features / tilt));
   fewer.images = ImageKeeping::none;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "estimation/prosac.h"
-#include "homography/m_estimator.h"
 #include "homography/point_pairs.h"
+#include "homography/reprojection_fit.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
 #include "ktgp_orb/prosac_homography.h"
@@ -59,7 +59,7 @@ class HomographyProblem {
 
   const NormalisedPairs* pairs_ = nullptr;
   std::vector<std::uint8_t> near_;  // pairs used by refine()
-  MEstimator estimator_;
+  ReprojectionFit estimator_;
 };
 
 /// How a homography is fitted.
@@ -76,11 +76,11 @@ struct EvidenceOptions {
   bool by_cell = false;
 };
 
-/// The homography of maximum likelihood (homography/m_estimator.h) over all pairs that it may
+/// The homography of maximum likelihood (homography/reprojection_fit.h) over all pairs that it may
 /// explain, and its uncertainty. Keeps its buffers.
 class HomographyFit {
  public:
-  using Matrix8 = MEstimator::Matrix8;
+  using Matrix8 = ReprojectionFit::Matrix8;
 
   /// Refines H, between normalised coordinates, over the pairs within twice the threshold that they
   /// were loaded with, until these pairs stay the same. `corners`: of the reference image, px.
@@ -100,7 +100,7 @@ class HomographyFit {
                                const EvidenceOptions& options, const Eigen::Matrix3d& homography);
 
  private:
-  MEstimator estimator_;
+  ReprojectionFit estimator_;
   SmoothField field_;
   std::vector<std::uint8_t> near_;  // pairs within reach
   std::vector<std::uint8_t> used_;  // pairs of the last refinement

@@ -3,7 +3,9 @@
 #include <limits>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
+#include "estimation/false_alarms.h"
 #include "homography/fit.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -20,6 +22,7 @@ struct ProsacHomography::Impl {
   estimation::ProsacSearch<homography::HomographyProblem> search;
   homography::HomographyFit fit;
   homography::HomographyVerdict verdict;
+  ProsacResult labelled;
 
   bool find(const PointPairs& pairs, const std::optional<Eigen::Matrix3d>& initial,
             ProsacResult& result);
@@ -35,7 +38,7 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   normalised.load(pairs.reference, pairs.target, by_quality, options.max_error);
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
   rules.chance_inlier =
-      homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
+      estimation::chanceInlier(estimation::coveredArea(pairs.target), options.max_error);
   rules.seed = options.seed;
   problem.setPairs(normalised);
   const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
@@ -60,7 +63,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   if (!homography::keepsPlaneInView(answer.homography, corners)) return;
   if (!fit.isDetermined(normalised, corners, h)) return;
   const bool scaled = homography::scaleLastToOne(answer.homography);
-  if (!verdict.trusts(answer.homography, pairs, reference_size, options.max_error)) return;
+  if (!verdict.trusts(answer, pairs, reference_size, options.max_error, labelled)) return;
 
   // Last, since it takes longer than the verdict.
   if (scaled) {
@@ -69,7 +72,10 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
     answer.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
     answer.shared_covariance = answer.covariance;
   }
-  homography::label(answer, pairs, options.max_error, result);
+  result.answer = answer;
+  std::swap(result.mask, labelled.mask);
+  result.inliers = labelled.inliers;
+  result.rmse = labelled.rmse;
   result.status = Status::ok;
 }
 

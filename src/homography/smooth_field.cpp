@@ -1,9 +1,10 @@
 #include "homography/smooth_field.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+
+#include "estimation/sandwich.h"
 
 namespace ktgp_orb::homography {
 namespace {
@@ -32,14 +33,15 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  constexpr double kLength = 0.6;  // of the diagonal
-  constexpr std::size_t kFewest =
-      12;  // pairs; eight entries explain nearly all errors of fewer pairs
+  constexpr double kLength = 0.6;  // of the diagonal: see the measurement in method.md
+  // Eight entries explain nearly all errors of fewer pairs.
+  constexpr std::size_t kFewest = 12;
   FieldFit result;
   choosePairs(pairs, weights, homography);
   if (pairs_.empty() || !(scales.image_diagonal > 0.0)) return result;
   limitErrors();
-  sortIntoCells(scales.image_diagonal / kCellsAlongDiagonal);
+  const double cell_side = scales.image_diagonal / kCellsAlongDiagonal;
+  sortIntoCells(cell_side);
   step_ = std::exp(-1.0 / (kCellsAlongDiagonal * kLength));
   smooth();
   PairSums of_pairs = sumPairs();
@@ -48,49 +50,69 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   const double each_of_all = static_cast<double>(pairs.size) / chosen;  // that a pair stands for
   result.shared_patches = 1.0 + 2.0 * each_of_all * of_pairs.near_overlap / chosen;
 
-  const Eigen::LDLT<Matrix8> information(curvature * expanded(of_pairs.first));
-  const Matrix8 inverse = information.solve(Matrix8::Identity());
-  if (information.info() != Eigen::Success || !inverse.allFinite()) return result;
+  const Matrix8 inverse = estimation::inverseOf(curvature * expanded(of_pairs.first));
+  if (!inverse.allFinite()) return result;
   const CellSums of_cells = sumCells();
-  const Matrix8 by_field = inverse * expanded(of_cells.spread) * inverse;
   const double length = std::min(scales.rounding_length, kLength * scales.image_diagonal);
-  result.of_rounding =
-      inverse * expanded(spreadOfRounding(length, scales.image_diagonal / kCellsAlongDiagonal)) *
-      inverse;
+  result.of_rounding = estimation::sandwich(inverse, expanded(spreadOfRounding(length, cell_side)));
   if (pairs_.size() < kFewest) return result;
-  const Matrix8 by_noise = inverse * expanded(of_pairs.second) * inverse;
+  const Fitted fitted{inverse, estimation::sandwich(inverse, expanded(of_cells.spread)),
+                      estimation::sandwich(inverse, expanded(of_pairs.second))};
+  const Moment single = singleMoment(of_pairs, of_cells, fitted);
+  solve(single, nearMoment(of_pairs, of_cells, fitted, single), scales.significance, result);
+  setCovariances(of_pairs, fitted, single, result);
+  return result;
+}
 
-  // Squared errors of single pairs and products of the errors of near pairs: the measured values,
-  // and the expected ones for tau² = 1 and for sigma² = 1. The fit subtracted J A^-1 g, g = J'W e.
+/// The squared errors of single pairs: sum of w² |r|². With r = M e, M = I - J A^-1 J'W, the
+/// expectation for a covariance K of the errors e is
+///
+///   tr(W M K M' W) = tr(W K W) - 2 tr(A^-1 J'W³ K J) + tr(A^-1 J'W K W J A^-1 J'W² J),
+///
+/// with K = exp(-d/l) for the field and K = I for the noise.
+SmoothField::Moment SmoothField::singleMoment(const PairSums& of_pairs, const CellSums& of_cells,
+                                              const Fitted& fitted) {
   const double weights2 = of_pairs.weights2;
+  const Matrix8 second = expanded(of_pairs.second);
   Moment single{of_pairs.squared_error, 2.0 * weights2, 2.0 * weights2};
-  single.of_field += -2.0 * traceOfProduct(inverse, expanded(of_cells.single)) +
-                     traceOfProduct(by_field, expanded(of_pairs.second));
-  single.of_noise += -2.0 * traceOfProduct(inverse, expanded(of_pairs.third)) +
-                     traceOfProduct(by_noise, expanded(of_pairs.second));
+  single.of_field += traceOfProduct(fitted.by_field, second) -
+                     2.0 * traceOfProduct(fitted.inverse, expanded(of_cells.single));
+  single.of_noise += traceOfProduct(fitted.by_noise, second) -
+                     2.0 * traceOfProduct(fitted.inverse, expanded(of_pairs.third));
+  return single;
+}
+
+/// The products of the errors of near pairs: sum of w w' r·r' over the pairs in one cell or in
+/// adjacent ones, with the same expectation. Excluded are a pair with itself, which is `single`,
+/// and pairs that share noise. For the fit, two points that are so close count like one.
+SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const CellSums& of_cells,
+                                            const Fitted& fitted, const Moment& single) {
+  const double weights2 = of_pairs.weights2;
+  const Matrix8 around = expanded(of_cells.fitted);
   Moment near{of_cells.product, of_cells.expected, 2.0 * weights2};
-  near.of_field += -2.0 * traceOfProduct(inverse, expanded(of_cells.near)) +
-                   traceOfProduct(by_field, expanded(of_cells.fitted));
-  near.of_noise += -2.0 * traceOfProduct(inverse, expanded(of_cells.near_noise)) +
-                   traceOfProduct(by_noise, expanded(of_cells.fitted));
-  // Excluded: a pair with itself, and pairs that share noise. For the fit, two points that are so
-  // close count like one.
+  near.of_field += traceOfProduct(fitted.by_field, around) -
+                   2.0 * traceOfProduct(fitted.inverse, expanded(of_cells.near));
+  near.of_noise += traceOfProduct(fitted.by_noise, around) -
+                   2.0 * traceOfProduct(fitted.inverse, expanded(of_cells.near_noise));
   const double left_out = 1.0 + 2.0 * of_pairs.near_weight / weights2;
   near.measured -= single.measured + 2.0 * of_pairs.near_product;
   near.of_field -= left_out * single.of_field;
   near.of_noise -= left_out * single.of_noise - 2.0 * (left_out - 1.0) * weights2;
   near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
+  return near;
+}
 
-  solve(single, near, scales.significance, result);
-  constexpr double kCommon = 0.02;  // of the variance of the noise
-  result.noise_variance = result.noise_share * single.measured / single.of_noise;
-  result.common_covariance = kCommon * result.noise_variance * inverse *
-                             expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
+void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
+                                 const Moment& single, FieldFit& result) {
+  constexpr double kCommon = 0.02;  // of the variance of the noise, see FieldFit
   // A field that is correlated over most of the image gives about this many independent values.
   // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
   constexpr double kFreedom = 6.0;
-  result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * by_field;
-  return result;
+  result.noise_variance = result.noise_share * single.measured / single.of_noise;
+  const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
+  result.common_covariance =
+      kCommon * result.noise_variance * estimation::sandwich(fitted.inverse, common);
+  result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * fitted.by_field;
 }
 
 /// tau² and sigma² from the two moments. The ratio of the products of near pairs to the squared

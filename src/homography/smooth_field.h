@@ -71,8 +71,9 @@ class SmoothField {
 
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see m_estimator.cpp).
-  /// The eighth is zero: Eigen has vector code for eight doubles, not for seven.
+  /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see
+  /// reprojection_fit.cpp). The eighth is zero: Eigen has vector code for eight doubles, not for
+  /// seven.
   using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {
@@ -121,6 +122,13 @@ class SmoothField {
     double expected = 0.0;  // of that, for tau² = 1 and without a fit
   };
 
+  /// A^-1, and A^-1 J'W K W J A^-1 for a field with tau² = 1 and for noise with sigma² = 1.
+  struct Fitted {
+    Matrix8 inverse;
+    Matrix8 by_field;
+    Matrix8 by_noise;
+  };
+
   void choosePairs(const PointArrays<double>& pairs, const std::vector<double>& weights,
                    const Eigen::Matrix3d& homography);
   void limitErrors();
@@ -130,6 +138,12 @@ class SmoothField {
   PairSums sumPairs() const;
   CellSums sumCells() const;
   Matrix8 spreadOfRounding(double length, double cell_side);
+  static Moment singleMoment(const PairSums& of_pairs, const CellSums& of_cells,
+                             const Fitted& fitted);
+  static Moment nearMoment(const PairSums& of_pairs, const CellSums& of_cells, const Fitted& fitted,
+                           const Moment& single);
+  static void setCovariances(const PairSums& of_pairs, const Fitted& fitted, const Moment& single,
+                             FieldFit& result);
   static void solve(const Moment& single, const Moment& near, double significance,
                     FieldFit& result);
 

@@ -1,104 +1,59 @@
 #include "homography/verdict.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
+#include "estimation/false_alarms.h"
 #include "homography/fit.h"
 #include "homography/transform.h"
 #include "util/constants.h"
-#include "util/divide.h"
 
 namespace ktgp_orb::homography {
-namespace {
-
 using util::kPi;
 
-/// Bounds of one coordinate, from the quartiles of a few points, spread over the input; points
-/// beyond are far outliers. The bounds stay where the quartiles are equal.
-void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
-               Eigen::AlignedBox2d& fences) {
-  constexpr std::size_t kEnough = 32;
-  constexpr double kFarOut = 3.0;  // interquartile ranges
-  std::array<double, kEnough> sample{};
-  const std::size_t stride = util::ceilDivide(points.size(), kEnough);
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < points.size(); i += stride) sample[count++] = points[i][axis];
-  if (count == 0) return;
-  const auto end = sample.begin() + static_cast<std::ptrdiff_t>(count);
-  const auto quartile = [&](std::size_t place) {
-    const auto at = sample.begin() + static_cast<std::ptrdiff_t>(place);
-    std::nth_element(sample.begin(), at, end);
-    return *at;
-  };
-  const double lower = quartile(count / 4);
-  const double upper = quartile(count - 1 - count / 4);
-  if (!(upper > lower)) return;
-  const double reach = kFarOut * (upper - lower);
-  fences.min()[axis] = lower - reach;
-  fences.max()[axis] = upper + reach;
+namespace {
+
+/// label(), and visits the number and the squared error, px², of each inlier.
+template <typename Visit>
+void labelEach(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
+               ProsacResult& result, const Visit& visit) {
+  result.answer = answer;
+  result.mask.assign(pairs.size(), 0);
+  result.inliers = 0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double error = errorOf(answer.homography, pairs.reference[i], pairs.target[i]);
+    if (!(error < max_error)) continue;
+    result.mask[i] = 1;
+    ++result.inliers;
+    sum += error * error;
+    visit(i, error * error);
+  }
+  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
 }
 
 }  // namespace
 
-FalseAlarms::FalseAlarms(std::size_t sample_size, std::size_t pairs)
-    : m_(static_cast<double>(sample_size)), n_(static_cast<double>(pairs)), k_(m_) {
-  for (std::size_t i = 1; i <= sample_size; ++i) {
-    const double x = static_cast<double>(i);
-    log_subsets_ += std::log10((n_ - m_ + x) / x);
-  }
-  log_subsets_ += std::log10(std::max(n_ - m_, 1.0));
-}
-
-double FalseAlarms::next(double p) {
-  // From k to k + 1, C(N, k) C(k, m) becomes (N - k) / (k + 1 - m) times as much.
-  log_subsets_ += std::log10((n_ - k_) / (k_ + 1.0 - m_));
-  k_ += 1.0;
-  return log_subsets_ + (k_ - m_) * std::log10(std::min(p, 1.0));
-}
-
-double coveredArea(const std::vector<Eigen::Vector2d>& points) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  Eigen::AlignedBox2d fences(Eigen::Vector2d::Constant(-kInfinity),
-                             Eigen::Vector2d::Constant(kInfinity));
-  setFences(points, 0, fences);
-  setFences(points, 1, fences);
-  Eigen::AlignedBox2d box;
-  for (const Eigen::Vector2d& p : points) {
-    if (fences.contains(p)) box.extend(p);
-  }
-  return box.isEmpty() ? 0.0 : box.volume();
-}
-
-double chanceInlier(double covered_area, double distance) {
-  constexpr double kLeast = 0.01;
-  constexpr double kMost = 0.5;
-  const double disc = kPi * distance * distance;
-  return std::clamp(disc / std::max(covered_area, disc), kLeast, kMost);
-}
-
-bool HomographyVerdict::trusts(const Eigen::Matrix3d& homography, const PointPairs& pairs,
-                               const cv::Size& reference_size, double threshold) {
-  const FourPoints corners = imageCorners(reference_size, pairs.reference);
-  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
-  const double sign = homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
-  if (!keepsPlaneInView(sign * homography, corners)) return false;
+bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
+                               const cv::Size& reference_size, double threshold,
+                               ProsacResult& result) {
   squared_error_.resize(pairs.size());
   inliers_.clear();
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = errorOf(homography, pairs.reference[i], pairs.target[i]);
-    squared_error_[i] = error * error;
-    if (error < threshold) inliers_.push_back(i);
-  }
-  return !explainableByChance(pairs, threshold);
+  labelEach(answer, pairs, threshold, result, [this](std::size_t i, double squared_error) {
+    squared_error_[i] = squared_error;
+    inliers_.push_back(i);
+  });
+  const Eigen::Matrix3d& h = answer.homography;
+  const FourPoints corners = imageCorners(reference_size, pairs.reference);
+  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
+  const double sign = h.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
+  return keepsPlaneInView(sign * h, corners) && !explainableByChance(pairs, threshold);
 }
 
 bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold) {
-  const double covered_area = coveredArea(pairs.target);
+  const double covered_area = estimation::coveredArea(pairs.target);
   // The bound holds for any order, with the largest error so far. Good homographies pass after a
   // few inliers in the order of the input; only poor ones need sorting.
   if (!explainable(pairs, threshold, covered_area)) return false;
@@ -113,7 +68,7 @@ bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold,
                                     double covered_area) {
   constexpr double kLogMaxFalseAlarms = -4.0;  // log10
   constexpr std::size_t kSample = HomographyProblem::kSample;
-  FalseAlarms false_alarms(kSample, pairs.size());
+  estimation::FalseAlarms false_alarms(kSample, pairs.size());
   const double apart2 = threshold * threshold;
   double largest = 0.0;  // squared error, px²
   counted_.clear();
@@ -152,18 +107,7 @@ void requireFinite(const PointPairs& pairs) {
 
 void label(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
            ProsacResult& result) {
-  result.answer = answer;
-  result.mask.resize(pairs.size());
-  result.inliers = 0;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = errorOf(answer.homography, pairs.reference[i], pairs.target[i]);
-    result.mask[i] = error < max_error ? 1 : 0;
-    if (result.mask[i] == 0) continue;
-    ++result.inliers;
-    sum += error * error;
-  }
-  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+  labelEach(answer, pairs, max_error, result, [](std::size_t, double) {});
 }
 
 }  // namespace ktgp_orb::homography

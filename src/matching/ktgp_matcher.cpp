@@ -364,12 +364,13 @@ bool Chain::runAlignment(Context& context, StageResult& stage) {
 bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
   const MatchResult& result = context.result;
   const bool grown = result.found_by == FoundBy::growth;
-  if (!verdict_.trusts(candidate.homography, grown ? result.growth.pairs : pairs_,
-                       context.reference.image_size,
-                       grown ? growth::Verdict::kRadius : options.prosac.max_error)) {
+  const double max_error = options.prosac.max_error;
+  if (!verdict_.trusts(candidate, grown ? result.growth.pairs : pairs_,
+                       context.reference.image_size, grown ? growth::Verdict::kRadius : max_error,
+                       labelled_)) {
     return false;
   }
-  homography::label(candidate, pairs_, options.prosac.max_error, labelled_);
+  if (grown) homography::label(candidate, pairs_, max_error, labelled_);
   setAnswer(labelled_, context);
   return true;
 }

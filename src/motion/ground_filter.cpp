@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "estimation/robust_fit.h"
 #include "util/constants.h"
 
 namespace ktgp_orb::motion {
@@ -15,22 +16,45 @@ using util::whiteningOf;
 
 namespace {
 
+/// The problem of estimation::RobustFit: the pose whose homography from a map is nearest to a seen
+/// one in units of its deviation.
+struct PoseProblem {
+  using State = CameraPose;
+  Vector8 seen;  // entries of the homography
+  SmallMatrix whitening;
+  Eigen::Matrix3d map;
+
+  /// The position moves in units of the height.
+  static CameraPose moved(const CameraPose& pose, const estimation::Step& step) {
+    Vector6 change = step;
+    change.head<3>() *= pose.position.z();
+    return motion::moved(pose, change);
+  }
+  void linearise(const CameraPose& pose, estimation::RobustWeights& /*all 1*/,
+                 estimation::NormalEquations& sums) const {
+    const Eigen::Matrix3d h = imageFromGround(pose) * map;
+    Matrix86 slope = byPose(h, map, pose);
+    slope.leftCols<3>() *= pose.position.z();
+    const Vector8 rest = entriesOf(h) - seen;
+    estimation::setLeastSquares(times(whitening, rest), times(whitening, slope), sums);
+  }
+};
+
 /// The most likely pose whose homography from `map` is `seen`.
 std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix& whitening,
                                  const Eigen::Matrix3d& map) {
-  const auto start = poseFrom(seen * map.inverse());
-  if (!start) return std::nullopt;
-  CameraPose pose = *start;
-  for (int iteration = 0; iteration < 5; ++iteration) {
-    const Eigen::Matrix3d h = imageFromGround(pose) * map;
-    const Vector8 residual = entriesOf(seen) - entriesOf(h);
-    const Vector6 step =
-        leastSquares(times(whitening, byPose(h, map, pose)), times(whitening, residual)).solution;
-    if (!step.allFinite() || step.tail<3>().norm() > 0.5) return std::nullopt;
-    pose = moved(pose, step);
-    if (step.norm() < 1e-9 * pose.position.z()) break;
+  auto pose = poseFrom(seen * map.inverse());
+  if (!pose) return std::nullopt;
+  estimation::FitRules rules;
+  rules.most_steps = 8;    // near the start, it needs three
+  rules.converged = 1e-9;  // rad, and share of the height
+  rules.longest = 0.5;
+  const PoseProblem problem{entriesOf(seen), whitening, map};
+  estimation::RobustFit<const PoseProblem> fit;
+  if (fit.minimise(problem, rules, *pose) == estimation::FitEnd::undetermined ||
+      !(pose->position.z() > 0.0)) {
+    return std::nullopt;
   }
-  if (!(pose.position.z() > 0.0)) return std::nullopt;
   return pose;
 }
 
@@ -179,6 +203,15 @@ Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
   return h;
 }
 
+/// The part of the state that starts at `begin` becomes `slope` times the state plus noise with the
+/// covariance `noise`.
+void GroundFilter::replace(int begin, const SmallRef& slope, const SmallRef& noise) {
+  const Eigen::Index n = slope.rows();
+  covariance_.middleRows(begin, n) = times(slope, covariance_);
+  covariance_.middleCols(begin, n) = covariance_.middleRows(begin, n).transpose().eval();
+  covariance_.block(begin, begin, n, n) = times(slope, covariance_.middleCols(begin, n)) + noise;
+}
+
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   moveFrame();
   const Eigen::Matrix3d from_keyframe =
@@ -190,11 +223,8 @@ void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   Eigen::Matrix<double, 8, kSize> slope = Eigen::Matrix<double, 8, kSize>::Zero();
   slope.middleCols<6>(kNow) = -times(mapFromEntries(h), byPose(h, map_, now_));
   if (!at_reference) slope.col(kReadout) = by_homography * motion.by_readout;
-  covariance_.middleRows<8>(kMap) = times(slope, covariance_);
-  covariance_.middleCols<8>(kMap) = covariance_.middleRows<8>(kMap).transpose().eval();
-  covariance_.block<8, 8>(kMap, kMap) =
-      times(slope, covariance_.middleCols<8>(kMap)) +
-      kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance);
+  replace(kMap, slope,
+          kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance));
 }
 
 std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
@@ -235,12 +265,10 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
 
   before_ = now_;
   now_ = pose;
-  covariance_.middleRows<6>(kBefore) = covariance_.middleRows<6>(kNow).eval();
-  covariance_.middleCols<6>(kBefore) = covariance_.middleCols<6>(kNow).eval();
-  covariance_.middleRows<6>(kNow) = times(slope, covariance_);
-  covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
-  covariance_.block<6, 6>(kNow, kNow) = times(slope, covariance_.middleCols<6>(kNow)) +
-                                        inverseOf(times(by_pose.transpose(), by_pose));
+  Eigen::Matrix<double, 6, kSize> same = Eigen::Matrix<double, 6, kSize>::Zero();
+  same.middleCols<6>(kNow).setIdentity();
+  replace(kBefore, same, Matrix6::Zero());
+  replace(kNow, slope, inverseOf(times(by_pose.transpose(), by_pose)));
   return true;
 }
 

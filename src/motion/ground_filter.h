@@ -109,6 +109,7 @@ class GroundFilter {
   using StateCovariance = Eigen::Matrix<double, kSize, kSize>;
 
   void moveFrame();
+  void replace(int begin, const SmallRef& slope, const SmallRef& noise);
   Eigen::Matrix3d straightened(const ImageMotion& motion) const;
   bool fit(const ImageMotion& motion, double noise);
   Innovation innovationOf(const SmallRef& residual, const SmallRef& slope, double variance) const;

@@ -2,6 +2,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "estimation/student.h"
+
 namespace ktgp_orb::motion {
 namespace {
 
@@ -19,8 +21,9 @@ Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
 }  // namespace
 
 double studentNoise(double misfit, int dimensions) {
-  constexpr double kFreedom = 4.0;
-  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+  constexpr double kNormal = 3.0;  // squared misfit of a dimension that normal noise may have
+  const double weight = estimation::studentWeight(misfit * misfit, 1.0, kNormal * dimensions);
+  return std::max(1.0, 1.0 / weight);
 }
 
 void Relief::add(double deviation, double parallax) {
@@ -48,7 +51,8 @@ DownReading Relief::widened(DownReading reading) const {
 
 void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
   constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
-  // Variance of that difference, for twists between poses with independent errors of variance 1/2.
+  // Variance of that difference, for twists between poses with independent errors of variance 1/2:
+  // in the poses it is the fifth difference, so half of 1 + 25 + 100 + 100 + 25 + 1.
   constexpr double kVariance = 126.0;
   constexpr double kNewer = 30.0;         // twists
   constexpr double kOlder = 300.0;        // twists
@@ -56,7 +60,7 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   constexpr double kJitter = 0.2;         // share of the time between frames
   constexpr double kStandsStill = 0.002;  // rad: a pixel. The error of a still picture stays, too
 
-  if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) count_ = std::min(count_, 0);
+  if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) restart();
   seconds_ = seconds;
   ++count_;
   std::move_backward(twists_.begin(), twists_.end() - 1, twists_.end());

@@ -118,6 +118,10 @@ class TwistNoise {
  private:
   static constexpr int kTwists = 5;
 
+  /// The next twists do not follow the ones before. The first twist of a keyframe is still to come
+  /// where it was.
+  void restart() { count_ = std::min(count_, 0); }
+
   std::array<Vector6, kTwists> twists_;  // the newest first
   int count_ = -1;  // number of twists from one keyframe, without the first one
   double seconds_ = 0.0;

@@ -12,7 +12,7 @@
 
 #include "files/output_file.h"
 #include "ktgp_orb/target_finder.h"
-#include "parameters/target_list.h"
+#include "files/target_list.h"
 
 namespace ktgp_orb {
 

@@ -49,7 +49,7 @@ class TargetsWork {
 
   TargetsConfig config_;
   TargetFinder finder_;
-  DetectedPose pose_;
+  TargetPose pose_;
   sensor_msgs::CameraInfoConstPtr info_;
   ImageSequence sequence_;
   Diagnosis& diagnosis_;
@@ -273,7 +273,7 @@ void TargetsNodelet::detect(DetectTargets::Request& request, DetectTargets::Resp
     pixels = work.pixels();
     return work.finder().findAlone(grey);
   });
-  DetectedPose pose;
+  TargetPose pose;
   response.detections = *toMessage(image->header, frame, frame_prefix);
   const bool has_info = request.camera_info.width > 0;
   addPoses(frame, grey.size(), has_info ? &request.camera_info : nullptr, "the request", pixels,

@@ -10,6 +10,8 @@
 #include <string>
 #include <utility>
 
+#include "estimation/robust_fit.h"
+#include "estimation/sandwich.h"
 #include "homography/transform.h"
 #include "util/constants.h"
 #include "util/geometry.h"
@@ -29,15 +31,6 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   m << metre, 0.0, -0.5 * metre * (size.width - 1), 0.0, metre, -0.5 * metre * (size.height - 1),
       0.0, 0.0, 1.0;
   return m;
-}
-
-/// Moves by x, y, z and rotates about the camera's axes, in place.
-Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const Vector6& step) {
-  const Eigen::Vector3d turn = step.tail<3>();
-  Eigen::Isometry3d out = pose;
-  if (turn.norm() > 0.0) out.linear() = util::rotationAbout(turn) * pose.linear();
-  out.translation() += step.head<3>();
-  return out;
 }
 
 /// In front of the camera, with its face towards it.
@@ -81,74 +74,61 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
   return starts;
 }
 
-/// Finds the pose whose homography is nearest to a given one.
-struct PoseFit {
+/// The problem of estimation::RobustFit: the pose whose homography, reference -> image, is nearest
+/// to a given one in units of its deviation.
+struct PoseProblem {
+  using State = Eigen::Isometry3d;
+
   Vector8 wanted;  // entries of the homography
   util::SmallMatrix whitening;
   Eigen::Matrix3d camera, target_from_reference;
 
-  /// Levenberg-Marquardt from `pose`; empty if it does not converge in front of the camera.
-  std::optional<PlanarPose> from(Eigen::Isometry3d pose) const {
-    constexpr int kMostSteps = 100;
-    constexpr double kSmallStep = 1e-9;  // rad, and share of the distance
-    double damping = 1e-3;
-    double error = errorOf(pose);
-    for (int i = 0; i < kMostSteps; ++i) {
-      const util::SmallMatrix rows = jacobianAt(pose);
-      const Vector8 rest = wanted - entriesOf(pose);
-      const util::SmallMatrix normal = util::times(rows.transpose(), rows);
-      util::SmallMatrix damped = normal;
-      damped.diagonal() *= 1.0 + damping;
-      const util::SmallMatrix right = util::times(rows.transpose(), util::times(whitening, rest));
-      const Vector6 step = util::times(util::inverseOf(damped), right);
-      const Eigen::Isometry3d next = moved(pose, step);
-      const double next_error = errorOf(next);
-      if (!step.allFinite() || !(next_error <= error)) {
-        damping *= 10.0;
-        if (damping > 1e12) break;
-        continue;
-      }
-      pose = next;
-      error = next_error;
-      damping = std::max(1e-12, 0.1 * damping);
-      if (step.head<3>().norm() > kSmallStep * pose.translation().norm() ||
-          step.tail<3>().norm() > kSmallStep) {
-        continue;
-      }
-      PlanarPose found;
-      found.target_to_camera = pose;
-      found.covariance = util::inverseOf(normal);
-      found.squared_error = error;
-      if (!isSeen(pose) || !found.covariance.allFinite()) break;
-      return found;
-    }
-    return std::nullopt;
+  /// Moves by x, y, z in units of the distance, and rotates about the camera's axes, in place.
+  static Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const estimation::Step& step) {
+    Eigen::Isometry3d out = pose;
+    out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
+    out.translation() += pose.translation().z() * step.head<3>();
+    return out;
   }
 
-  /// Of the pose's homography, reference -> image.
   Vector8 entriesOf(const Eigen::Isometry3d& pose) const {
     Eigen::Matrix3d plane;
     plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
     return util::entriesOf(camera * plane * target_from_reference);
   }
 
-  double errorOf(const Eigen::Isometry3d& pose) const {
-    const Vector8 rest = wanted - entriesOf(pose);
-    return util::times(whitening, rest).squaredNorm();
-  }
-
-  /// In units of the homography's deviation, by x, y, z and the rotations.
-  util::SmallMatrix jacobianAt(const Eigen::Isometry3d& pose) const {
-    constexpr double kStep = 1e-6;  // rad, and share of the distance
+  void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
+                 estimation::NormalEquations& sums) const {
+    constexpr double kStep = 1e-6;  // relative: the differences are exact to 1e-10
     Eigen::Matrix<double, 8, 6> slope;
     for (int i = 0; i < 6; ++i) {
-      const double size = i < 3 ? kStep * pose.translation().z() : kStep;
-      const Vector6 step = size * Vector6::Unit(i);
-      slope.col(i) = (entriesOf(moved(pose, step)) - entriesOf(moved(pose, -step))) / (2.0 * size);
+      const Vector6 step = kStep * Vector6::Unit(i);
+      slope.col(i) = (entriesOf(moved(pose, step)) - entriesOf(moved(pose, -step))) / (2.0 * kStep);
     }
-    return util::times(whitening, slope);
+    const Vector8 rest = entriesOf(pose) - wanted;
+    estimation::setLeastSquares(util::times(whitening, rest), util::times(whitening, slope), sums);
   }
 };
+
+/// The pose that the fit finds from a start; empty if it does not converge in front of the camera.
+std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, const PoseProblem& problem) {
+  estimation::FitRules rules;
+  rules.most_steps = 100;
+  rules.converged = 1e-9;  // rad, and share of the distance
+  rules.first_damping = 1e-3;
+  estimation::RobustFit<const PoseProblem> fit;
+  if (fit.minimise(problem, rules, pose) != estimation::FitEnd::converged || !isSeen(pose))
+    return std::nullopt;
+  Vector6 units = Vector6::Ones();
+  units.head<3>().setConstant(pose.translation().z());
+  PlanarPose found;
+  found.target_to_camera = pose;
+  found.covariance =
+      units.asDiagonal() * estimation::inverseOf(fit.sums().squares) * units.asDiagonal();
+  found.squared_error = fit.sums().cost;
+  if (!found.covariance.allFinite()) return std::nullopt;
+  return found;
+}
 
 /// W with W covariance W' = I. Entries of H differ in size by five orders of magnitude, so each is
 /// taken in units of its own deviation.
@@ -243,6 +223,15 @@ UncertainHomography withUnknownShutter(const UncertainHomography& now,
   return answer;
 }
 
+void requireTimes(double seconds, double readout_time, const cv::Size& reference_size, int rows) {
+  if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
+  if (rows > 0 && seconds > 0.0 && !std::isnan(readout_time)) return;
+  throw std::invalid_argument("rows are " + std::to_string(rows) +
+                              ", the time between the images " + std::to_string(seconds) +
+                              " s, the readout time " + std::to_string(readout_time) +
+                              " s; expected at least one row, more than 0 s, and a number");
+}
+
 }  // namespace
 
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
@@ -266,9 +255,9 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     result.problem = "the homography has no covariance, or one that is not positive definite";
     return result;
   }
-  const PoseFit fit{util::entriesOf(homography), *whitening, camera, scale};
+  const PoseProblem problem{util::entriesOf(homography), *whitening, camera, scale};
   for (const Eigen::Isometry3d& start : starts) {
-    if (const auto pose = fit.from(start)) add(*pose, result.poses);
+    if (const auto pose = fitFrom(start, problem)) add(*pose, result.poses);
   }
   if (result.poses.empty()) {
     result.problem =
@@ -281,13 +270,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows) {
-  if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
-  if (!(rows > 0 && seconds > 0.0) || std::isnan(readout_time)) {
-    throw std::invalid_argument("rows are " + std::to_string(rows) +
-                                ", the time between the images " + std::to_string(seconds) +
-                                " s, the readout time " + std::to_string(readout_time) +
-                                " s; expected at least one row, more than 0 s, and a number");
-  }
+  requireTimes(seconds, readout_time, reference_size, rows);
   if (readout_time < 0.0) return withUnknownShutter(now, before, seconds, reference_size, rows);
   const auto corners = homography::imageCorners(reference_size, {});
   if (!homography::keepsPlaneInView(now.homography, corners) ||

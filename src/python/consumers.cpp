@@ -1,6 +1,7 @@
 // Classes built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <tuple>
@@ -11,6 +12,7 @@
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
 #include "ktgp_orb/target_finder.h"
+#include "ktgp_orb/target_pose.h"
 #include "python/arrays.h"
 #include "python/match.h"
 #include "python/shared.h"
@@ -54,7 +56,7 @@ std::vector<DetectedTarget> findTargets(Targets& targets, const py::object& imag
   return targets.use([&](TargetFinder& finder) { return finder.find(grey.pixels).detections; });
 }
 
-void defineTargets(py::module_& module) {
+void defineDetectedTarget(py::module_& module) {
   py::class_<DetectedTarget>(module, "DetectedTarget", "A flat target in an image.")
       .def_readonly("id", &DetectedTarget::id)
       .def_readonly("instance", &DetectedTarget::instance, "From 0; of several copies in an image.")
@@ -82,6 +84,10 @@ void defineTargets(py::module_& module) {
       .def_readonly("ambiguity", &DetectedTarget::ambiguity,
                     "How it looks like itself in another pose, such as \"turned by 180 degrees\": "
                     "then this pose is one of several. Empty: it does not.");
+}
+
+void defineTargets(py::module_& module) {
+  defineDetectedTarget(module);
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
@@ -114,6 +120,44 @@ void defineTargets(py::module_& module) {
       .def("find", findTargets, py::arg("image"),
            "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
            "are followed.");
+}
+
+using SharedPose = Shared<TargetPose>;
+using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, double>;
+
+std::vector<FoundPose> findPoses(SharedPose& shared, const DetectedTarget& target,
+                                 const Eigen::Matrix3d& camera, std::pair<int, int> size,
+                                 std::vector<double> distortion, double seconds) {
+  LensCalibration calibration;
+  calibration.image_size = {size.first, size.second};
+  for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera(i / 3, i % 3);
+  calibration.rectified_camera = calibration.camera;
+  calibration.distortion = std::move(distortion);
+  std::optional<Lens> lens;
+  if (!calibration.distortion.empty()) lens.emplace(calibration);
+  const auto stamp = static_cast<std::int64_t>(std::llround(1e9 * seconds));
+  const PlanarPoses found = shared.use([&](TargetPose& pose) {
+    return pose.find(target, camera, lens ? &*lens : nullptr, stamp, size.second);
+  });
+  std::vector<FoundPose> poses;
+  for (const PlanarPose& p : found.poses)
+    poses.emplace_back(p.target_to_camera.matrix(), p.covariance, p.share);
+  return poses;
+}
+
+void defineTargetPose(py::module_& module) {
+  py::class_<SharedPose>(module, "TargetPose",
+                         "Poses of found targets in front of a camera with a lens and a shutter.")
+      .def(py::init<double>(), py::arg("readout_time") = -1.0,
+           "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
+           "0: not known.")
+      .def("find", findPoses, py::arg("target"), py::arg("camera"), py::arg("size"),
+           py::arg("distortion") = std::vector<double>(), py::arg("seconds") = 0.0,
+           "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
+           "camera: (3, 3), K in px;\nsize: width and height of the image; distortion: 4, 5, 8, 12 "
+           "or 14 coefficients in OpenCV's order; seconds: time of the image.\nEach is (target to "
+           "camera, (4, 4), m; (6, 6) covariance of x, y, z and rotations about the camera's axes; "
+           "likelihood against the other one, 0 to 1).\nRaises ValueError.");
 }
 
 using SharedMosaic = Shared<Mosaic>;
@@ -231,7 +275,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   return shared.use([&](GroundMotion& motion) { return motion.add(given); });
 }
 
-void defineGroundMotion(py::module_& module) {
+void defineImuMounting(py::module_& module) {
   py::class_<ImuMounting>(module, "ImuMounting",
                           "How an Imu is mounted and stamped, as the images show it. What the "
                           "motion does not show is 0 with an infinite standard deviation.")
@@ -246,6 +290,9 @@ void defineGroundMotion(py::module_& module) {
       .def_readonly("bias_deviation", &ImuMounting::bias_deviation)
       .def_property_readonly("trouble", &troubleOf, "What is certainly wrong; empty: nothing.")
       .def("__str__", &describe);
+}
+
+void defineGroundEstimate(py::module_& module) {
   py::class_<GroundEstimate>(module, "GroundEstimate", "Position and velocity of the base.")
       .def_property_readonly(
           "status", [](const GroundEstimate& e) { return toString(e.status); },
@@ -276,6 +323,11 @@ void defineGroundMotion(py::module_& module) {
       .def_readonly("imu", &GroundEstimate::imu,
                     "ImuMounting; None: the motion has shown nothing yet. Nothing is corrected by "
                     "it.");
+}
+
+void defineGroundMotion(py::module_& module) {
+  defineImuMounting(module);
+  defineGroundEstimate(module);
   const GroundMotionOptions usual;
   py::class_<SharedMotion>(module, "GroundMotion",
                            "Motion in metres of a calibrated camera that looks at flat ground. "
@@ -310,6 +362,7 @@ void defineGroundMotion(py::module_& module) {
 
 void defineConsumers(py::module_& module) {
   defineTargets(module);
+  defineTargetPose(module);
   defineMosaic(module);
   defineStabilizer(module);
   defineGroundMotion(module);

@@ -132,28 +132,11 @@ class Matcher {
   MatchResult result_;  // result of the call that uses matcher_
 };
 
-void defineMatch(py::module_& module) {
-  py::class_<Match, std::shared_ptr<Match>>(
-      module, "Match",
-      "The result for two images. Arrays have a row for each correspondence: first those of the "
-      "four stages, in "
-      "the order of the target's keypoints, then those that guided matching or the growth added.")
-      .def_readonly("status", &Match::status, "\"ok\", or why there is no homography.")
-      .def_readonly("found_by", &Match::found_by, "\"prosac\", \"growth\" or \"none\".")
-      .def_property_readonly("homography", answerField(&UncertainHomography::homography),
-                             "(3, 3) float64: reference to target, px; zero unless status is ok.")
-      .def_property_readonly(
-          "covariance", answerField(&UncertainHomography::covariance),
-          "(8, 8) float64: of the first eight entries of the homography, row by row, "
-          "with H[2, 2] = 1.")
-      .def_property_readonly(
-          "shared_covariance", answerField(&UncertainHomography::shared_covariance),
-          "(8, 8) float64: the part of the covariance that many matches cannot average out.")
-      .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
-                             "How far the scene is from a plane, px; 0: not detectably.")
-      .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
-      .def_readonly("rmse", &Match::rmse,
-                    "Root mean square of the reprojection errors of the inliers, px.")
+using MatchClass = py::class_<Match, std::shared_ptr<Match>>;
+
+/// What belongs to the two-view geometry.
+void defineGeometry(MatchClass& match) {
+  match
       .def_readonly(
           "geometry", &Match::geometry,
           "What explains the matches: \"plane\", \"rotation\", \"epipolar\" (a scene "
@@ -173,7 +156,33 @@ void defineMatch(py::module_& module) {
                     "(3, 3) float64, of norm 1: x_target^T F x_reference = 0, px. None where there "
                     "is none.")
       .def_readonly("parallax", &Match::parallax,
-                    "Median angle between the two rays of an inlier, degrees; NaN without K.")
+                    "Median angle between the two rays of an inlier, degrees; NaN without K.");
+}
+
+void defineMatch(py::module_& module) {
+  MatchClass match(
+      module, "Match",
+      "The result for two images. Arrays have a row for each correspondence: first those of the "
+      "four stages, in "
+      "the order of the target's keypoints, then those that guided matching or the growth added.");
+  match.def_readonly("status", &Match::status, "\"ok\", or why there is no homography.")
+      .def_readonly("found_by", &Match::found_by, "\"prosac\", \"growth\" or \"none\".")
+      .def_property_readonly("homography", answerField(&UncertainHomography::homography),
+                             "(3, 3) float64: reference to target, px; zero unless status is ok.")
+      .def_property_readonly(
+          "covariance", answerField(&UncertainHomography::covariance),
+          "(8, 8) float64: of the first eight entries of the homography, row by row, "
+          "with H[2, 2] = 1.")
+      .def_property_readonly(
+          "shared_covariance", answerField(&UncertainHomography::shared_covariance),
+          "(8, 8) float64: the part of the covariance that many matches cannot average out.")
+      .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
+                             "How far the scene is from a plane, px; 0: not detectably.")
+      .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
+      .def_readonly("rmse", &Match::rmse,
+                    "Root mean square of the reprojection errors of the inliers, px.");
+  defineGeometry(match);
+  match
       .def_property_readonly("stages", stagesOf,
                              "A dict for each stage: name, input, output, milliseconds.")
       .def_property_readonly("reference_points", viewOf(&Match::reference_points),

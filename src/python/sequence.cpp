@@ -60,9 +60,7 @@ class Sequence {
   Shared<SequenceMatcher> matcher_;
 };
 
-}  // namespace
-
-void defineSequence(py::module_& module) {
+void defineFrameMatch(py::module_& module) {
   py::class_<FrameMatch, Match, std::shared_ptr<FrameMatch>>(
       module, "FrameMatch", "The result for a frame of a sequence.")
       .def_readonly("no_reference", &FrameMatch::no_reference,
@@ -98,6 +96,12 @@ void defineSequence(py::module_& module) {
             match->tracks = state[7].cast<std::vector<std::uint64_t>>();
             return match;
           }));
+}
+
+}  // namespace
+
+void defineSequence(py::module_& module) {
+  defineFrameMatch(module);
   py::class_<Sequence> sequence(
       module, "Sequence",
       "Matches the frames of a camera one after the other. Threads may share an object. A copy by "

@@ -198,7 +198,6 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyAnswer(*match.accumulated, *message);
-  message->plane_deviation = match.match.answer.plane_deviation;  // as the others: of the last one
   return message;
 }
 

@@ -2,21 +2,16 @@
 
 #include <ktgp_orb/MatchStatus.h>
 
-#include <algorithm>
 #include <boost/make_shared.hpp>
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "ros/answer_message.h"
 #include "ros/pose_message.h"
 #include "util/format.h"
-#include "util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {
-
-constexpr double kPatchSide = 15.0;  // px, about
 
 TargetDetection messageOf(const DetectedTarget& target) {
   TargetDetection message;
@@ -54,19 +49,6 @@ PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
   }
 }
 
-/// The numbers of points that are `apart` px or more from each other, in x or in y.
-std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
-  std::vector<std::size_t> chosen;
-  chosen.reserve(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const auto is_near = [&](std::size_t other) {
-      return (points[i] - points[other]).lpNorm<Eigen::Infinity>() < apart;
-    };
-    if (std::none_of(chosen.begin(), chosen.end(), is_near)) chosen.push_back(i);
-  }
-  return chosen;
-}
-
 bool wantsPose(const TargetDetection& message) {
   const bool wanted = message.width > 0.0 || !message.frame.empty();
   return message.status == MatchStatus::STATUS_OK && wanted;
@@ -79,59 +61,6 @@ std::string frameOf(const TargetDetection& target) {
 }
 
 }  // namespace
-
-PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera,
-                               const ros::Time& stamp, int rows) {
-  UncertainHomography found = target.homography;
-  if (camera.lens) {
-    std::vector<cv::KeyPoint> points;
-    for (const Eigen::Vector2d& p : target.pairs.target) {
-      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
-    }
-    camera.lens->rectify(points);
-    // Patches of the alignment that overlap share their noise, so they count once.
-    const double apart = target.aligned ? kPatchSide : 0.0;
-    pairs_.clear();
-    pairs_.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
-    for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
-      pairs_.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y},
-                 target.pairs.quality[i]);
-    }
-    prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
-    if (result_.status != Status::ok) return {{}, "its pairs do not agree without the distortion"};
-    found = result_.answer;
-    if (target.aligned) {
-      const auto evidence =
-          homography::evidenceOfPatches(prosac_.options().max_error, target.image_size);
-      refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
-    }
-  }
-  if (readout_time_ != 0.0) correctShutter(target, stamp, rows, found);
-  return planarPoses(found.homography, found.covariance, camera.camera, target.image_size,
-                     target.width);
-}
-
-void DetectedPose::correctShutter(const DetectedTarget& target, const ros::Time& stamp, int rows,
-                                  UncertainHomography& answer) {
-  constexpr double kLongest = 0.2;  // s: over more, the velocity of a hand is another one
-  const auto age = [&](const Seen& seen) { return (stamp - seen.stamp).toSec(); };
-  seen_.erase(std::remove_if(seen_.begin(), seen_.end(),
-                             [&](const Seen& seen) { return !(std::abs(age(seen)) < kLongest); }),
-              seen_.end());
-  Seen now{target.id, target.instance, target.image, stamp, answer};
-  const auto last = std::find_if(seen_.begin(), seen_.end(), [&](const Seen& seen) {
-    return seen.id == now.id && seen.instance == now.instance;
-  });
-  if (last == seen_.end()) {
-    seen_.push_back(std::move(now));
-    return;
-  }
-  if (target.age > 1 && last->image == now.image && age(*last) > 0.0) {
-    answer =
-        withoutShutter(answer, last->answer, age(*last), readout_time_, target.image_size, rows);
-  }
-  *last = std::move(now);
-}
 
 void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
   if (stamp < stamp_ || image != size_) finder.restart();
@@ -158,7 +87,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
 }
 
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
-              const std::string& info_topic, Pixels pixels, DetectedPose& pose,
+              const std::string& info_topic, Pixels pixels, TargetPose& pose,
               TargetDetections& message) {
   const std::string camera_frame = util::withoutSlash(message.header.frame_id);
   std::optional<PixelCamera> camera;
@@ -178,7 +107,8 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
       }
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
       const PlanarPoses found =
-          pose.find(frame.detections[i], *camera, message.header.stamp, image.height);
+          pose.find(frame.detections[i], camera->camera, camera->lens.get(),
+                    static_cast<std::int64_t>(message.header.stamp.toNSec()), image.height);
       if (found.poses.empty()) throw std::invalid_argument(detection.id + ": " + found.problem);
       const PlanarPose& best = found.poses.front();
       detection.has_pose = 1;

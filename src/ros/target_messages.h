@@ -9,47 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "homography/fit.h"
-#include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
+#include "ktgp_orb/target_pose.h"
 #include "ros/camera.h"
 
 namespace ktgp_orb {
-
-/// Poses of detected targets in front of a camera. An instance belongs to one thread at a time.
-class DetectedPose {
- public:
-  /// Readout time of a rolling shutter, from the first row to the last one, s; 0: a global shutter;
-  /// below 0: not known, as at first.
-  void setReadoutTime(double seconds) { readout_time_ = seconds; }
-
-  /// Empty if it is not the view of a target in front of the camera. With lens distortion, no
-  /// homography maps a flat target to the image. Then the pairs of the detection are rectified, and
-  /// a homography is fitted to them. Unless the shutter is a global one, a target that was
-  /// seen in the image before has the pose that it had when the middle row was exposed (see
-  /// withoutShutter); `stamp` and `rows`: of the image.
-  PlanarPoses find(const DetectedTarget& target, const PixelCamera& camera, const ros::Time& stamp,
-                   int rows);
-
- private:
-  struct Seen {
-    std::string id;
-    int instance = 0;
-    std::size_t image = 0;
-    ros::Time stamp;
-    UncertainHomography answer;
-  };
-
-  void correctShutter(const DetectedTarget& target, const ros::Time& stamp, int rows,
-                      UncertainHomography& answer);
-
-  double readout_time_ = -1.0;
-  std::vector<Seen> seen_;  // lately
-  ProsacHomography prosac_;
-  ProsacResult result_;
-  PointPairs pairs_;
-  homography::HomographyRefiner refiner_;
-};
 
 /// Tells a TargetFinder to forget what it follows where a sequence of images ends: a looped bag, or
 /// another camera.
@@ -70,7 +34,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
 /// Adds the poses of targets with a width or a frame. Where there are none, `no_pose` of the
 /// message says why. `info`: calibration of the images; null: none on `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
-              const std::string& info_topic, Pixels pixels, DetectedPose& pose,
+              const std::string& info_topic, Pixels pixels, TargetPose& pose,
               TargetDetections& message);
 
 /// One for each pose of a target that has a frame: FRAME for instance 0, FRAME_1 for instance 1 ...

@@ -136,12 +136,25 @@ void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& pic
   }
 }
 
+Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
+  Agreement agreement;
+  for (int y = std::max(0, -dy); y < std::min(rows_, rows_ - dy); ++y) {
+    for (int x = std::max(0, -dx); x < std::min(columns_, columns_ - dx); ++x) {
+      const Block& a = of_picture_[blockAt(x, y)];
+      const Block& b = of_frame_[blockAt(x + dx, y + dy)];
+      if (!a.has_texture || !b.is_seen) continue;
+      agreement.pairs += 1.0;
+      if (b.has_texture && productOf(a.values, b.values) > kAlike) agreement.hits += 1.0;
+    }
+  }
+  return agreement;
+}
+
 Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
                                            double above_neighbours) {
-  constexpr float kPictureDeviation = 6.F;  // grey values
-  constexpr float kFrameDeviation = 3.F;
+  constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;  // grey values
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
   constexpr double kLeastShare = 0.3;  // share of the blocks in view; the others may be hidden
@@ -154,40 +167,28 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   cut(frame_, kFrameDeviation, of_frame_);
   markSeen(homography, picture.image.size(), frame.levels[0].size());
 
-  double own_hits = 0.0, own_count = 0.0, hits = 1.0, count = 1.0, largest = 0.0;
+  const Agreement own = agreementAt(0, 0);
+  Agreement decoys{1.0, 1.0};
+  double largest = 0.0;  // share of a decoy
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
     for (int dx = -kDecoyReach; dx <= kDecoyReach; ++dx) {
-      double here = 0.0, pairs = 0.0;
-      for (int y = std::max(0, -dy); y < std::min(rows_, rows_ - dy); ++y) {
-        for (int x = std::max(0, -dx); x < std::min(columns_, columns_ - dx); ++x) {
-          const Block& a = of_picture_[blockAt(x, y)];
-          const Block& b = of_frame_[blockAt(x + dx, y + dy)];
-          if (!a.has_texture || !b.is_seen) continue;
-          pairs += 1.0;
-          if (!b.has_texture) continue;
-          if (productOf(a.values, b.values) > kAlike) here += 1.0;
-        }
-      }
-      if (dx == 0 && dy == 0) {
-        own_hits = here;
-        own_count = pairs;
-        continue;
-      }
-      hits += here;
-      count += pairs;
-      if (pairs >= kFewest) largest = std::max(largest, here / pairs);
+      if (dx == 0 && dy == 0) continue;
+      const Agreement here = agreementAt(dx, dy);
+      decoys.hits += here.hits;
+      decoys.pairs += here.pairs;
+      if (here.pairs >= kFewest) largest = std::max(largest, here.hits / here.pairs);
     }
   }
   Similarity similarity;
-  similarity.agreement = own_hits / std::max(own_count, 1.0);
-  similarity.differs = own_count >= kFewestToDiffer && similarity.agreement < kLeastShare;
+  similarity.agreement = own.hits / std::max(own.pairs, 1.0);
+  similarity.differs = own.pairs >= kFewestToDiffer && similarity.agreement < kLeastShare;
   const double least_share = std::max(kLeastShare, above_neighbours * largest);
-  if (own_hits < kFewest || similarity.agreement < least_share) {
+  if (own.hits < kFewest || similarity.agreement < least_share) {
     similarity.log_false_alarms = std::numeric_limits<double>::infinity();
     return similarity;
   }
-  const double chance = std::min(hits / count, 0.999);
-  similarity.log_false_alarms = std::log10(tests) + logTail(own_hits, own_count, chance);
+  similarity.log_false_alarms =
+      std::log10(tests) + logTail(own.hits, own.pairs, std::min(decoys.hits / decoys.pairs, 0.999));
   return similarity;
 }
 

@@ -56,6 +56,13 @@ class Appearance {
     bool is_seen = true;  // in the frame
     float values[64];     // mean 0, length 1
   };
+  /// Blocks of the picture that look like those of the frame (dx, dy) blocks away, and all of them
+  /// with texture there.
+  struct Agreement {
+    double hits = 0.0;
+    double pairs = 0.0;
+  };
+  Agreement agreementAt(int dx, int dy) const;
   void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography, const cv::Size& size,
               const cv::Size& margin, const FramePyramid& frame);
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;

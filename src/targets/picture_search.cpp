@@ -133,11 +133,13 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
   const cv::Size size = picture.image.size();
-  const Eigen::Matrix3d& fitted = found.estimate.homography;
-  const bool trusted = trust_.trusts(fitted, found.pairs, size, growth::Verdict::kRadius);
-  homography::label(found.estimate, found.pairs, growth::Verdict::kRadius, labelled_);
+  const bool trusted =
+      trust_.trusts(found.estimate, found.pairs, size, growth::Verdict::kRadius, labelled_);
   dropOutliers(found);
-  if (found.pairs.size() < kTargetPlan.fewest_pairs || !isView(fitted, picture)) return false;
+  if (found.pairs.size() < kTargetPlan.fewest_pairs ||
+      !isView(found.estimate.homography, picture)) {
+    return false;
+  }
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
   // A copy beside this one is no period of the picture.

@@ -8,7 +8,7 @@
 #include "bag/reader.h"
 #include "bag/video.h"
 #include "files/input.h"
-#include "parameters/target_list.h"
+#include "files/target_list.h"
 #include "ros/image_conversion.h"
 #include "tools/matcher_cli.h"
 

@@ -45,7 +45,7 @@ class BagTargets {
   TargetsInput input_;
   TargetFinder finder_;
   ImageSequence sequence_;
-  DetectedPose pose_;
+  TargetPose pose_;
   std::optional<sensor_msgs::CameraInfo> info_;
   std::string info_topic_;
   Pixels pixels_ = Pixels::raw;

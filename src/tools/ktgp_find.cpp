@@ -7,7 +7,7 @@
 #include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/target_finder.h"
-#include "parameters/target_list.h"
+#include "files/target_list.h"
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 #include "util/printable.h"

@@ -80,7 +80,7 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 
 /// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch; and its fit,
 /// maximum likelihood for Sampson distances with Student's t distribution of four degrees of
-/// freedom, as that of MEstimator for homographies. Works on the manifold of Epipolar. Keeps its
+/// freedom, as that of ReprojectionFit for homographies. Works on the manifold of Epipolar. Keeps its
 /// buffers.
 class EpipolarProblem {
  public:

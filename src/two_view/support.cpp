@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "homography/verdict.h"
+#include "estimation/false_alarms.h"
 
 namespace ktgp_orb::two_view {
 namespace {
@@ -70,7 +70,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   const auto repeated = [&](std::uint32_t i) { return isRepeated(i); };
   order_.erase(std::remove_if(order_.begin(), order_.end(), repeated), order_.end());
   if (order_.size() <= sample) return 0.0;
-  homography::FalseAlarms false_alarms(sample, order_.size());
+  estimation::FalseAlarms false_alarms(sample, order_.size());
   const double log_models = std::log10(models);
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {

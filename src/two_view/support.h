@@ -12,7 +12,7 @@ namespace ktgp_orb::two_view {
 /// Squared distances of a pair from where a homography maps it, and from its epipolar line, px².
 using Displacement = std::pair<double, double>;
 
-/// The number of false alarms of any model (homography::FalseAlarms), with repeated keypoints
+/// The number of false alarms of any model (estimation::FalseAlarms), with repeated keypoints
 /// counted once. Keeps its buffers.
 class Support {
  public:

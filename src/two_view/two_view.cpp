@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "estimation/false_alarms.h"
 #include "estimation/prosac.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
@@ -97,7 +98,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (options.homography) {
     prosac.estimate(pairs, input.reference_size, input.homography, plane);
   }
-  target_area = homography::coveredArea(pairs.target);
+  target_area = estimation::coveredArea(pairs.target);
   support.load(pairs, options.max_error);
   judgeHomography(pairs);
   log_epipolar = 0.0;

@@ -14,7 +14,14 @@ SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance) {
 }
 
 SmallMatrix inverseOf(const SmallRef& matrix) {
-  return matrix.ldlt().solve(SmallMatrix::Identity(matrix.rows(), matrix.cols()));
+  return Eigen::LDLT<SmallMatrix>(matrix).solve(
+      SmallMatrix::Identity(matrix.rows(), matrix.cols()));
+}
+
+std::optional<SmallMatrix> solutionOf(const SmallRef& a, const SmallRef& b, double least) {
+  const Eigen::LDLT<SmallMatrix> factor(a);
+  if (!(factor.vectorD().minCoeff() > least)) return std::nullopt;
+  return SmallMatrix(factor.solve(b));
 }
 
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance) {

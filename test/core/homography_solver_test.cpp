@@ -1,3 +1,4 @@
+#include "estimation/false_alarms.h"
 #include "homography/fit.h"
 
 #include <gtest/gtest.h>
@@ -15,8 +16,8 @@
 #include <vector>
 
 #include "estimation/prosac.h"
-#include "homography/m_estimator.h"
 #include "homography/point_pairs.h"
+#include "homography/reprojection_fit.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -253,7 +254,7 @@ TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
 }
 
 // An odd last pair is processed with a padding pair that still has old values.
-TEST(MEstimator, ForgetsThePairsOfTheCallBefore) {
+TEST(ReprojectionFit, ForgetsThePairsOfTheCallBefore) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   h(2, 0) = -0.5;  // the horizon is at x = 2
   PointArrays<double> points;
@@ -263,7 +264,7 @@ TEST(MEstimator, ForgetsThePairsOfTheCallBefore) {
     points.set(i, x, apply(h, x) + Eigen::Vector2d(1e-3, -1e-3));
   }
   points.set(7, {2.0, 0.1}, {0.0, 0.0});
-  MEstimator fresh, used;
+  ReprojectionFit fresh, used;
   used.select(points, std::vector<std::uint8_t>(8, 1), 8);
   const std::vector<std::uint8_t> first{1, 1, 1, 1, 1, 1, 1, 0};
   ASSERT_EQ(fresh.select(points, first, 8), 7u);
@@ -751,11 +752,11 @@ TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
 TEST(CoveredArea, LeavesOutWhatIsFarFromTheOthers) {
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < 100; ++i) points.emplace_back(10.0 * (i % 10), 5.0 * (i / 10));
-  EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9);
+  EXPECT_NEAR(estimation::coveredArea(points), 90.0 * 45.0, 1e-9);
   for (const Eigen::Vector2d& far :
        {Eigen::Vector2d(1e4, 20.0), {-1e4, 20.0}, {40.0, 1e4}, {40.0, -1e4}}) {
     points.push_back(far);
-    EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9) << far.transpose();
+    EXPECT_NEAR(estimation::coveredArea(points), 90.0 * 45.0, 1e-9) << far.transpose();
   }
 }
 
@@ -767,7 +768,7 @@ double logChoose(double n, double k) {
 TEST(FalseAlarms, IsTheNumberOfSetsAndSamplesTimesTheirProbability) {
   for (std::size_t m : {1, 2, 4, 7}) {
     for (std::size_t n : {10, 50, 1000}) {
-      FalseAlarms false_alarms(m, n);
+      estimation::FalseAlarms false_alarms(m, n);
       const double pairs = static_cast<double>(n);
       const double sample = static_cast<double>(m);
       for (double k = sample + 1.0; k <= std::min(pairs, 40.0); k += 1.0) {
@@ -801,6 +802,7 @@ bool chanceExplains(std::vector<double> errors, double area) {
 TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
   Numbers numbers(5);
   HomographyVerdict verdict;
+  ProsacResult labelled;
   int trusted = 0;
   constexpr int kRuns = 2000;
   for (int run = 0; run < kRuns; ++run) {
@@ -816,8 +818,8 @@ TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
       pairs.target.emplace_back(point.x(), point.y() + errors.back());
       pairs.quality.push_back(0.0);
     }
-    const double area = coveredArea(pairs.target);
-    const bool trusts = verdict.trusts(Eigen::Matrix3d::Identity(), pairs, kSize, 3.0);
+    const double area = estimation::coveredArea(pairs.target);
+    const bool trusts = verdict.trusts({Eigen::Matrix3d::Identity()}, pairs, kSize, 3.0, labelled);
     EXPECT_EQ(trusts, !chanceExplains(errors, area)) << run;
     trusted += trusts ? 1 : 0;
   }

@@ -25,6 +25,7 @@
 #include "refusal.h"
 #include "ros/camera.h"
 #include "ros/frame_maker.h"
+#include "ros/message_conversion.h"
 #include "ros/message_matcher.h"
 #include "ros/rate_limiter.h"
 
@@ -630,6 +631,18 @@ TEST(RateLimiter, ZeroTakesAllAndAStampThatGoesBackBeginsAnew) {
   EXPECT_FALSE(limiter.takes(ros::Time(50.1)));
   limiter.setRate(2.0);
   EXPECT_TRUE(limiter.takes(ros::Time(50.2)));
+}
+
+TEST(Messages, AccumulatedPlaneDeviationIsTheLargestOfTheChain) {
+  SequenceMatch match;
+  const auto frame = std::make_shared<Frame>();
+  match.frame = match.reference = frame;
+  match.match.answer.plane_deviation = 1.0;  // of the last frame
+  match.accumulated.emplace();
+  match.accumulated->plane_deviation = 2.0;
+  const auto message = toAccumulated({{}, match});
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->plane_deviation, 2.0);
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 
 #include "evaluation/rendering.h"
 #include "frame_pair.h"
+#include "ktgp_orb/target_pose.h"
 #include "orb_test_images.h"
 #include "refusal.h"
 #include "synthetic_pairs.h"
@@ -526,6 +527,52 @@ TEST(PlanarPose, RefusesACameraOrATargetOfNoSize) {
   EXPECT_THROW(planarPoses(h, one, Eigen::Matrix3d::Zero(), kReference, 1.0),
                std::invalid_argument);
   EXPECT_THROW(planarPoses(h, one, camera(), {}, 1.0), std::invalid_argument);
+}
+
+/// A detection of the target in the image of a camera with this lens: a grid of exact pairs, and
+/// the homography that is nearest to them.
+DetectedTarget detectedThrough(const LensCalibration& lens, const Eigen::Isometry3d& pose) {
+  DetectedTarget target;
+  target.id = "poster";
+  target.image_size = kReference;
+  target.width = kWidth;
+  std::vector<cv::Point2f> from, to;
+  for (int y = 25; y < kReference.height; y += 50) {
+    for (int x = 25; x < kReference.width; x += 50) {
+      const Eigen::Vector2d straight = project(pose, {x, y});
+      const Eigen::Vector3d ray = camera().inverse() * straight.homogeneous();
+      std::vector<cv::Point2d> bent;
+      cv::projectPoints(std::vector<cv::Point3d>{{ray.x(), ray.y(), 1.0}}, cv::Vec3d(), cv::Vec3d(),
+                        lens.camera, lens.distortion, bent);
+      from.emplace_back(static_cast<float>(x), static_cast<float>(y));
+      to.emplace_back(bent[0]);
+      target.pairs.add({x, y}, {bent[0].x, bent[0].y}, 0.0);
+    }
+  }
+  const cv::Mat nearest = cv::findHomography(from, to);
+  for (int i = 0; i < 9; ++i)
+    target.homography.homography(i / 3, i % 3) = nearest.at<double>(i / 3, i % 3);
+  std::mt19937 random(1);
+  target.homography.covariance = covarianceOf(pose, 0.5, random);
+  return target;
+}
+
+TEST(TargetPose, LensIsTakenOutOfTheDetection) {
+  LensCalibration calibration;
+  calibration.image_size = {640, 480};
+  for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera()(i / 3, i % 3);
+  calibration.rectified_camera = calibration.camera;
+  calibration.distortion = {-0.25, 0.08, 1e-3, -5e-4};
+  const Eigen::Isometry3d truth = somePose();
+  const DetectedTarget target = detectedThrough(calibration, truth);
+  const Lens lens(calibration);
+  const PlanarPoses through = TargetPose(0.0).find(target, camera(), &lens, 0, 480);
+  ASSERT_FALSE(through.poses.empty()) << through.problem;
+  // The pairs are exact to the precision of floats and of the rectification, 1e-3 px.
+  EXPECT_LT(difference(through.poses[0].target_to_camera, truth).norm(), 1e-4);
+  const PlanarPoses without = TargetPose(0.0).find(target, camera(), nullptr, 0, 480);
+  ASSERT_FALSE(without.poses.empty()) << without.problem;
+  EXPECT_GT(difference(without.poses[0].target_to_camera, truth).norm(), 3e-3);
 }
 
 }  // namespace

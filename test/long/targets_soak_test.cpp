@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "parameters/target_list.h"
+#include "files/target_list.h"
 #include "resources.h"
 #include "robot_testing.h"
 #include "target_world.h"

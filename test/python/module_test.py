@@ -330,6 +330,33 @@ class ModuleTest(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, 'too little texture'):
             targets.add('grey', np.full((300, 400), 99, np.uint8))
 
+    def test_a_target_has_its_pose_through_the_lens(self):
+        camera = np.array([[520.0, 0, 320], [0, 520, 240], [0, 0, 1]])
+        distortion = [-0.25, 0.08, 0.001, -0.0005]
+        turn = cv2.Rodrigues(np.array([0.3, -0.25, 0.1]))[0]
+        shift = np.array([0.02, -0.03, 0.9])
+        metre = 0.6 / 400  # a pixel of the poster
+        to_target = np.array([[metre, 0, -metre * 199.5], [0, metre, -metre * 149.5], [0, 0, 1]])
+        poster = picture(9, (300, 400))
+        straight = camera @ np.column_stack([turn[:, :2], shift]) @ to_target
+        grid = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), axis=-1).reshape(-1, 1, 2)
+        seen = cv2.undistortPoints(grid, camera, np.array(distortion), P=camera).reshape(-1, 2)
+        on_poster = mapped(np.linalg.inv(straight), seen).astype(np.float32).reshape(480, 640, 2)
+        scene = cv2.remap(poster, on_poster[..., 0], on_poster[..., 1], cv2.INTER_LINEAR)
+        targets = ktgp.Targets()
+        targets.add('poster', poster, width=0.6)
+        found, = targets.find(scene)
+
+        def error(distortion):
+            pose, covariance, share = ktgp.TargetPose(0.0).find(found, camera, (640, 480), distortion)[0]
+            self.assertGreater(np.linalg.eigvalsh(covariance).min(), 0.0)
+            self.assertGreater(share, 0.5)
+            return np.linalg.norm(pose[:3, 3] - shift)
+        self.assertLess(error(distortion), 0.003)
+        self.assertGreater(error([]), 2 * error(distortion))
+        with self.assertRaisesRegex(ValueError, 'coefficients'):
+            ktgp.TargetPose().find(found, camera, (640, 480), [0.1])
+
     def test_a_target_says_that_it_looks_like_itself_in_another_pose(self):
         targets = ktgp.Targets()
         self.assertEqual(targets.add('poster', picture(9, (300, 400))), '')

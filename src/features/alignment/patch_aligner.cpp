@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "homography/transform.h"
 
@@ -133,73 +134,104 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
   return true;
 }
 
-PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vector2d& position,
-                                  AlignedPatch& result) {
-  constexpr int kMaxSteps = 8;
-  constexpr double kSmallStep = 0.01;  // px
-  constexpr double kLeastCorrelation = 0.5;
-  constexpr double kLeastTexture = 500.0;  // grey values² per px², summed over the patch
-  constexpr double kCount = kPatchSide * kPatchSide;
-  constexpr double kHalf = 0.5 * (kPatchSide - 1);
+namespace {
+
+constexpr double kHalf = 0.5 * (kPatchSide - 1);
+
+/// Second moments of the derivatives of a patch, with gain and bias projected out.
+struct Texture {
+  double sx, sy;  // what a gain of 1 is in the derivatives
+  double xx, xy, yy;
+  double determinant;
+
+  /// Empty where the patch has too little texture to locate it.
+  static std::optional<Texture> of(const PatchTemplate& patch) {
+    constexpr double kLeast = 500.0;  // grey values² per px², summed over the patch
+    if (!(patch.tt > kLeast)) return std::nullopt;
+    Texture t{patch.tx / patch.tt, patch.ty / patch.tt, 0.0, 0.0, 0.0, 0.0};
+    t.xx = patch.xx - t.sx * patch.tx;
+    t.xy = patch.xy - t.sx * patch.ty;
+    t.yy = patch.yy - t.sy * patch.ty;
+    t.determinant = t.xx * t.yy - t.xy * t.xy;
+    const double least =
+        0.5 * (t.xx + t.yy) - std::sqrt(0.25 * (t.xx - t.yy) * (t.xx - t.yy) + t.xy * t.xy);
+    if (!(least > kLeast)) return std::nullopt;
+    return t;
+  }
+};
+
+/// The upper left pixel of the window in which a patch with this corner can move; empty where the
+/// window is not in the image.
+std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
+  constexpr double kFar = 1e6;     // far outside any image, but still an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
   constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px that the patch can move
-
-  // Gain and bias projected out of the derivatives.
-  const double tt = template_.tt;
-  if (!(tt > kLeastTexture)) return PatchOutcome::textureless;
-  const double sx = template_.tx / tt;
-  const double sy = template_.ty / tt;
-  const double xx = template_.xx - sx * template_.tx;
-  const double xy = template_.xy - sx * template_.ty;
-  const double yy = template_.yy - sy * template_.ty;
-  const double determinant = xx * yy - xy * xy;
-  const double least = 0.5 * (xx + yy) - std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
-  if (!(least > kLeastTexture)) return PatchOutcome::textureless;
-
-  const Eigen::Vector2d corner = position.array() - kHalf;
-  constexpr double kFar = 1e6;  // far outside any image, but still an int
-  if (!(std::abs(corner.x()) < kFar && std::abs(corner.y()) < kFar)) return PatchOutcome::outside;
+  if (!(corner.array().abs() < kFar).all()) return std::nullopt;
   const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
   const int top = static_cast<int>(std::floor(corner.y())) - kSlack;
   if (left < kPatchBorder || top < kPatchBorder ||
       left + kWindowSide + kPatchBorder + kSmoothSlack > level.cols ||
       top + kWindowSide + kPatchBorder > level.rows) {
-    return PatchOutcome::outside;
+    return std::nullopt;
   }
-  kernels_.smooth(level.ptr<std::uint8_t>(top - kPatchBorder) + left - kPatchBorder,
-                  static_cast<std::ptrdiff_t>(level.step), window_);
+  return Eigen::Vector2i(left, top);
+}
 
-  const Eigen::Vector2d start(corner.x() - left, corner.y() - top);
+/// How far the patch is from where it fits best, by the sums at its position; empty where they do
+/// not correlate. `correlation`: NCC².
+std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, double tt,
+                                        double& correlation) {
+  constexpr double kCount = kPatchSide * kPatchSide;
+  const double gain = m.ti / tt;
+  const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
+  if (!(gain > 0.0) || !(variance > 0.0)) return std::nullopt;
+  // With very low contrast, rounding of the single-precision sums may give more than one.
+  correlation = std::min(1.0, gain * m.ti / variance);
+  const double bx = (m.xi - t.sx * m.ti) / gain;
+  const double by = (m.yi - t.sy * m.ti) / gain;
+  return Eigen::Vector2d((t.yy * bx - t.xy * by) / t.determinant,
+                         (t.xx * by - t.xy * bx) / t.determinant);
+}
+
+}  // namespace
+
+PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vector2d& position,
+                                  AlignedPatch& result) {
+  constexpr int kMaxSteps = 8;
+  constexpr double kSmallStep = 0.01;  // px
+  constexpr double kLeastCorrelation = 0.5;
+  const auto texture = Texture::of(template_);
+  if (!texture) return PatchOutcome::textureless;
+  const Eigen::Vector2d corner = position.array() - kHalf;
+  const auto window = windowAround(corner, level);
+  if (!window) return PatchOutcome::outside;
+  kernels_.smooth(level.ptr<std::uint8_t>(window->y() - kPatchBorder) + window->x() - kPatchBorder,
+                  static_cast<std::ptrdiff_t>(level.step), window_);
+  const Eigen::Vector2d start = corner - window->cast<double>();
   Eigen::Vector2d at = start;
   Eigen::Vector2d last_move = Eigen::Vector2d::Zero();
   for (int step = 0; step < kMaxSteps; ++step) {
     const int x = static_cast<int>(at.x());
     const int y = static_cast<int>(at.y());
-    const MatchSums m =
+    const MatchSums sums =
         kernels_.compare(window_ + y * kWindowPitch + x, static_cast<float>(at.x() - x),
                          static_cast<float>(at.y() - y), template_);
-    const double gain = m.ti / tt;
-    const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
-    if (!(gain > 0.0) || !(variance > 0.0)) return PatchOutcome::uncorrelated;
-    // With very low contrast, rounding of the single-precision sums may give more than one.
-    result.correlation = std::min(1.0, gain * m.ti / variance);
-    const double bx = (m.xi - sx * m.ti) / gain;
-    const double by = (m.yi - sy * m.ti) / gain;
-    Eigen::Vector2d move((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant);
+    const auto offset = offsetBy(sums, *texture, template_.tt, result.correlation);
+    if (!offset) return PatchOutcome::uncorrelated;
     // If the target is more blurred than the reference, the steps are too short by a constant
     // factor. They form a geometric series, and two of them determine its sum (Aitken).
+    Eigen::Vector2d move = *offset;
     const double ratio = step > 0 ? move.dot(last_move) / last_move.squaredNorm() : 0.0;
     last_move = move;
     if (step > 0 && std::abs(ratio) < 0.8) move /= 1.0 - ratio;
     at -= move;
     if (!((at - start).cwiseAbs().maxCoeff() <= reach)) return PatchOutcome::beyond_reach;
-    if (move.squaredNorm() < kSmallStep * kSmallStep) {
-      if (result.correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
-      constexpr double kRounding2 = 1.0 / 12.0;  // variance of the error of a whole number
-      result.rounding2 = 0.5 * kRounding2 * (xx + yy) / determinant;
-      position = Eigen::Vector2d(left, top) + at + Eigen::Vector2d::Constant(kHalf);
-      return PatchOutcome::aligned;
-    }
+    if (!(move.squaredNorm() < kSmallStep * kSmallStep)) continue;
+    if (result.correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
+    constexpr double kRounding2 = 1.0 / 12.0;  // variance of the error of a whole number
+    result.rounding2 = 0.5 * kRounding2 * (texture->xx + texture->yy) / texture->determinant;
+    position = window->cast<double>() + at + Eigen::Vector2d::Constant(kHalf);
+    return PatchOutcome::aligned;
   }
   return PatchOutcome::unsettled;
 }

@@ -1,4 +1,4 @@
-#include "parameters/target_list.h"
+#include "files/target_list.h"
 
 #include <yaml-cpp/yaml.h>
 

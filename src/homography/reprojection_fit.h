@@ -1,0 +1,77 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "estimation/robust_fit.h"
+#include "homography/point_pairs.h"
+
+namespace ktgp_orb::homography {
+
+/// Maximum likelihood over H's first eight entries, H(2,2) = 1, for reprojection errors in the
+/// target with Student's t distribution. Keypoints of coarse octaves are several times less
+/// accurate than those of fine ones. That gives heavy tails, and in least squares the least
+/// accurate pairs would dominate. Keeps its buffers from call to call.
+class ReprojectionFit {
+ public:
+  using Matrix8 = Eigen::Matrix<double, 8, 8>;
+
+  /// Selects the pairs for the following calls: the first `max_pairs` marked in `mask`. Returns
+  /// their number.
+  std::size_t select(const PointArrays<double>& points, const std::vector<std::uint8_t>& mask,
+                     std::size_t max_pairs);
+
+  /// Weighs the selected pairs so that those in one cell of side `cell`, in units of the reference,
+  /// count together like one: each gets the inverse of their number, 1 on average. But equal
+  /// weights, as after select(), where the result would be as noisy as that of fewer than 64
+  /// equally weighted pairs.
+  void weighByCell(double cell);
+
+  /// One step with the given scale of the errors; false where H is not determined.
+  bool step(double scale, Eigen::Matrix3d& homography);
+
+  /// The fit to convergence. The scale of the errors, in units of the target, is estimated together
+  /// with H, beginning with the given one and not below `min_scale`. False where the pairs do not
+  /// determine H.
+  bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
+
+  /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
+  Matrix8 covariance() const;
+
+  /// The covariance from the first `count` pairs, without each pair whose index modulo `folds` is
+  /// `fold`. Infinite where the rest does not determine H.
+  Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
+                            std::size_t folds) const;
+
+  std::size_t size() const { return problem_.pairs.size; }
+  /// Degrees of freedom of the estimated scale.
+  double freedom() const { return fit_.weights().freedom(); }
+  /// The selected pairs, their weights in the last iteration of minimise(), and the second
+  /// derivative of the likelihood over J^T w J.
+  const PointArrays<double>& pairs() const { return problem_.pairs; }
+  const std::vector<double>& weights() const { return fit_.weights().weight; }
+  double curvature() const { return fit_.sums().derivative / fit_.sums().weight; }
+
+ private:
+  struct Problem {
+    using State = Eigen::Matrix3d;
+    PointArrays<double> pairs;
+
+    static State moved(const State& homography, const estimation::Step& step);
+    void linearise(const State& homography, estimation::RobustWeights& weights,
+                   estimation::NormalEquations& sums) const;
+  };
+
+  Problem problem_;
+  estimation::RobustFit<Problem> fit_;
+  bool by_cell_ = false;              // the factors of the weights differ
+  std::vector<double> factor_;        // of each pair
+  std::vector<std::size_t> cell_;     // of each pair
+  std::vector<std::size_t> in_cell_;  // number of pairs
+  double variance_factor_ = 0.0;      // covariance over (J^T w J)^-1, after minimise()
+  Matrix8 by_squares_;                // of J^T c w J, after minimise() by cell
+};
+
+}  // namespace ktgp_orb::homography

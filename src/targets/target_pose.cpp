@@ -1,0 +1,126 @@
+#include "ktgp_orb/target_pose.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "homography/fit.h"
+#include "util/keypoint_position.h"
+
+namespace ktgp_orb {
+namespace {
+
+/// The numbers of points that are `apart` px or more from each other, in x or in y.
+std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
+  std::vector<std::size_t> chosen;
+  chosen.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto is_near = [&](std::size_t other) {
+      return (points[i] - points[other]).lpNorm<Eigen::Infinity>() < apart;
+    };
+    if (std::none_of(chosen.begin(), chosen.end(), is_near)) chosen.push_back(i);
+  }
+  return chosen;
+}
+
+}  // namespace
+
+struct TargetPose::Impl {
+  struct Seen {
+    std::string id;
+    int instance = 0;
+    std::size_t image = 0;
+    std::int64_t stamp = 0;
+    UncertainHomography answer;
+  };
+
+  std::optional<UncertainHomography> rectified(const DetectedTarget& target, const Lens& lens);
+  void correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
+                      UncertainHomography& answer);
+
+  double readout_time = -1.0;
+  std::vector<Seen> seen;  // lately
+  ProsacHomography prosac;
+  ProsacResult result;
+  PointPairs pairs;
+  std::vector<cv::KeyPoint> points;
+  homography::HomographyRefiner refiner;
+};
+
+/// The homography of the rectified pairs; empty if they do not agree.
+std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
+                                                               const Lens& lens) {
+  constexpr double kPatchSide = 15.0;  // px, about
+  points.clear();
+  for (const Eigen::Vector2d& p : target.pairs.target) {
+    points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
+  }
+  lens.rectify(points);
+  // Patches of the alignment that overlap share their noise, so they count once.
+  const double apart = target.aligned ? kPatchSide : 0.0;
+  pairs.clear();
+  pairs.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
+  for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
+    pairs.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y}, target.pairs.quality[i]);
+  }
+  prosac.estimate(pairs, target.image_size, target.homography.homography, result);
+  if (result.status != Status::ok) return std::nullopt;
+  if (target.aligned) {
+    const auto evidence =
+        homography::evidenceOfPatches(prosac.options().max_error, target.image_size);
+    refiner.refine(pairs.reference, pairs.target, target.image_size, evidence, result.answer);
+  }
+  return result.answer;
+}
+
+void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
+                                      UncertainHomography& answer) {
+  constexpr double kLongest = 0.2;  // s: a hand may have changed its speed after longer
+  const auto age = [&](const Seen& one) { return 1e-9 * static_cast<double>(stamp - one.stamp); };
+  seen.erase(std::remove_if(seen.begin(), seen.end(),
+                            [&](const Seen& one) { return !(std::abs(age(one)) < kLongest); }),
+             seen.end());
+  Seen now{target.id, target.instance, target.image, stamp, answer};
+  const auto last = std::find_if(seen.begin(), seen.end(), [&](const Seen& one) {
+    return one.id == now.id && one.instance == now.instance;
+  });
+  if (last == seen.end()) {
+    seen.push_back(std::move(now));
+    return;
+  }
+  if (target.age > 1 && last->image == now.image && age(*last) > 0.0) {
+    answer =
+        withoutShutter(answer, last->answer, age(*last), readout_time, target.image_size, rows);
+  }
+  *last = std::move(now);
+}
+
+TargetPose::TargetPose(double readout_time) : impl_(std::make_unique<Impl>()) {
+  impl_->readout_time = readout_time;
+}
+
+TargetPose::~TargetPose() = default;
+TargetPose::TargetPose(TargetPose&&) noexcept = default;
+TargetPose& TargetPose::operator=(TargetPose&&) noexcept = default;
+
+void TargetPose::setReadoutTime(double seconds) {
+  impl_->readout_time = seconds;
+}
+
+PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d& camera,
+                             const Lens* lens, std::int64_t stamp, int rows) {
+  UncertainHomography found = target.homography;
+  if (lens != nullptr) {
+    const auto rectified = impl_->rectified(target, *lens);
+    if (!rectified) return {{}, "its pairs do not agree without the distortion"};
+    found = *rectified;
+  }
+  if (impl_->readout_time != 0.0) impl_->correctShutter(target, stamp, rows, found);
+  return planarPoses(found.homography, found.covariance, camera, target.image_size, target.width);
+}
+
+}  // namespace ktgp_orb
