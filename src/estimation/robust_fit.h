@@ -1,0 +1,161 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <utility>
+
+#include "estimation/student.h"
+#include "util/small_matrix.h"
+
+namespace ktgp_orb::estimation {
+
+/// Most parameters of a fit: the eight entries of a homography.
+inline constexpr int kMostParameters = 8;
+/// A symmetric matrix and a vector over the parameters, without the heap. Their algebra is compiled
+/// once, in the functions below.
+using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
+                                  kMostParameters, kMostParameters>;
+using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
+
+/// Sums over the measurements at one state. e: residuals of a measurement, J: their Jacobian by the
+/// step, w = t c: its weight (see RobustWeights).
+struct NormalEquations {
+  Information squares;       ///< of J' w J
+  Step gradient;             ///< of J' w e
+  double weight = 0.0;       ///< of w
+  double derivative = 0.0;   ///< of c d(t e)/de, the mean over the directions of e
+  double square = 0.0;       ///< of c t² e²
+  double cost = 0.0;         ///< of w e²
+  double former_cost = 0.0;  ///< of w e², with the weights of the state before
+};
+
+struct FitRules {
+  int most_steps = 30;
+  double converged = 1e-5;  ///< largest entry of the last step
+  /// Largest entry of a step; longer ones are damped.
+  double longest = std::numeric_limits<double>::infinity();
+  double least_scale = 0.0;  ///< of the errors
+  double first_damping = 0.0;
+  /// Most that a step is lengthened, see findStep().
+  double lengthening = 2.0;
+};
+
+enum class FitEnd { undetermined, most_steps, converged };
+
+/// The step d with a (J'wJ + damping diag(J'wJ)) d = -J'we; false where it is not determined, or is
+/// longer than the rules allow. a, derivative over weight, turns J'wJ into the second derivative of
+/// the likelihood: without it each step would be too short, since the weights fall with the errors.
+bool findStep(const NormalEquations& sums, double damping, const FitRules& rules, Step& step);
+
+/// Maximum likelihood for errors with Student's t distribution, by Levenberg-Marquardt steps with
+/// new weights and a new scale in each. Least squares where the problem leaves the weights empty.
+/// It knows no geometry; the problem supplies that:
+///
+///   using State = …;                                   a value: what is estimated
+///   State moved(const State&, const Step&) const;      the state after a step, whose entries are
+///                                                      of the order of 1
+///   void linearise(const State&, RobustWeights&, NormalEquations&);
+///
+/// linearise() writes errors, weights and sums of one state; lineariseEach() does so for problems
+/// that evaluate one measurement at a time. Keeps its buffers.
+template <typename Problem>
+class RobustFit {
+ public:
+  using State = typename Problem::State;
+
+  /// Reset before a fit. After minimise(): of the state that was found.
+  RobustWeights& weights() { return weights_; }
+  const RobustWeights& weights() const { return weights_; }
+  const NormalEquations& sums() const { return sums_; }
+
+  /// One step without damping, with the scale that was set. False where it is not determined.
+  bool step(Problem& problem, const FitRules& rules, State& state) {
+    problem.linearise(state, weights_, sums_);
+    if (!findStep(sums_, 0.0, rules, step_)) return false;
+    state = problem.moved(state, step_);
+    return true;
+  }
+
+  /// Begins with the scale that was set.
+  FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
+    constexpr double kLeastDamping = 1e-4;  // after a step that did not help
+    constexpr double kMostDamping = 1e12;   // no step, however short, makes the errors smaller
+    problem.linearise(state, weights_, sums_);
+    double damping = rules.first_damping;
+    for (int i = 0; i < rules.most_steps; ++i) {
+      if (damping > kMostDamping) return FitEnd::undetermined;
+      if (!findStep(sums_, damping, rules, step_)) {
+        damping = std::max(10.0 * damping, kLeastDamping);
+        continue;
+      }
+      const State candidate = problem.moved(state, step_);
+      const bool is_small = step_.cwiseAbs().maxCoeff() < rules.converged && damping <= 1.0;
+      const double cost = sums_.cost;
+      weights_.estimateScale(rules.least_scale);
+      problem.linearise(candidate, weights_, trial_);
+      if (trial_.former_cost <= cost) {
+        state = candidate;
+        sums_ = trial_;
+        damping *= 0.1;
+      } else {
+        problem.linearise(state, weights_, sums_);
+        damping = std::max(10.0 * damping, kLeastDamping);
+      }
+      if (is_small) return FitEnd::converged;
+    }
+    return FitEnd::most_steps;
+  }
+
+ private:
+  RobustWeights weights_;
+  NormalEquations sums_;
+  NormalEquations trial_;
+  Step step_;
+};
+
+/// linearise() for plain least squares. `residual`: with the covariance I; `jacobian`: of it by the
+/// step.
+void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
+                     NormalEquations& sums);
+
+/// linearise() for a problem that evaluates one measurement at a time:
+///
+///   static constexpr int kResiduals, kParameters;      kParameters: at most kMostParameters
+///   void evaluate(std::size_t i, const State&, Residual&, Jacobian&) const;
+///
+/// Residual and Jacobian are Eigen matrices of kResiduals x 1 and kResiduals x kParameters.
+template <typename Problem, typename State>
+void lineariseEach(const Problem& problem, const State& state, RobustWeights& weights,
+                   NormalEquations& sums) {
+  constexpr int d = Problem::kResiduals;
+  constexpr int p = Problem::kParameters;
+  Eigen::Matrix<double, p, p> squares = Eigen::Matrix<double, p, p>::Zero();
+  Eigen::Matrix<double, p, 1> gradient = Eigen::Matrix<double, p, 1>::Zero();
+  Eigen::Matrix<double, d, 1> residual;
+  Eigen::Matrix<double, d, p> jacobian;
+  sums = {};
+  std::swap(weights.weight, weights.former);
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    problem.evaluate(i, state, residual, jacobian);
+    const double square = residual.squaredNorm();
+    const double student = studentWeight(square, weights.scale2, d);
+    const double w = student * weights.factor[i];
+    squares.noalias() += w * jacobian.transpose() * jacobian;
+    gradient.noalias() += w * jacobian.transpose() * residual;
+    sums.weight += w;
+    // Along e the derivative of t e is t (2q - 1), across it t, with q = t f / (f + d).
+    const double q = student * (kStudentFreedom / (kStudentFreedom + d));
+    sums.derivative += w * (1.0 - 2.0 / d * (1.0 - q));
+    sums.square += w * student * square;
+    sums.cost += w * square;
+    sums.former_cost += weights.former[i] * square;
+    weights.squared[i] = square;
+    weights.weight[i] = w;
+  }
+  sums.squares = squares;
+  sums.gradient = gradient;
+}
+
+}  // namespace ktgp_orb::estimation

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace ktgp_orb::estimation {
+
+/// Degrees of freedom of Student's t distribution; 4 did best on keypoints of real images.
+inline constexpr double kStudentFreedom = 4.0;
+
+/// The weight of a measurement in the maximum likelihood for Student's t distribution (Lange,
+/// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²). `dimensions` d: 1 / weight is the
+/// factor of the variance relative to a measurement with square = d scale².
+template <typename Value>
+Value studentWeight(const Value& square, double scale2, double dimensions) {
+  return (kStudentFreedom + dimensions) * scale2 / (kStudentFreedom * scale2 + square);
+}
+
+/// Errors and weights of n measurements of d residuals each, and the scale of the errors. Keeps its
+/// buffers. Arrays are padded to whole `kLanes`; the padding must have weight 0.
+class RobustWeights {
+ public:
+  static constexpr std::size_t kLanes = 2;
+
+  /// Begins a fit of `parameters` to n measurements of d residuals, all with the factor 1.
+  void reset(std::size_t n, int dimensions, std::size_t parameters);
+  /// The weights become t c with these factors c (n, mean 1), t that of Student's distribution.
+  /// `equal`: number of measurements with equal factors that give the same variance.
+  void setFactors(const std::vector<double>& factors, double equal);
+
+  std::size_t size() const { return size_; }
+  double dimensions() const { return dimensions_; }
+  /// Measurements with equal factors that give the same variance.
+  double equalMeasurements() const { return equal_; }
+  /// Degrees of freedom that the fit leaves: d n - parameters, at least 1.
+  double freedom() const { return std::max(dimensions_ * equal_ - parameters_, 1.0); }
+  double parameters() const { return parameters_; }
+
+  double scale() const { return std::sqrt(scale2); }
+  void setScale(double scale) { scale2 = scale * scale; }
+  /// Maximum likelihood of the scale for the given errors, by expectation maximisation. Dividing by
+  /// the sum of the weights converges faster (Kent, Tyler & Vardi 1994). The fit made the errors
+  /// smaller, for few measurements much smaller: `freedom` corrects that.
+  void estimateScale(double least);
+
+  // Written by the problem, one entry for each measurement.
+  std::vector<double> squared;  ///< e²
+  std::vector<double> weight;   ///< w = t c at the newest state
+  std::vector<double> former;   ///< w at the state before
+  std::vector<double> factor;   ///< c
+  double scale2 = 0.0;          ///< squared scale of a residual
+
+ private:
+  std::size_t size_ = 0;
+  double dimensions_ = 1.0;
+  double parameters_ = 0.0;
+  double equal_ = 0.0;
+};
+
+}  // namespace ktgp_orb::estimation
