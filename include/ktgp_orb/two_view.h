@@ -84,6 +84,9 @@ struct TwoViewInput {
   /// distortion. Pairs, fundamental matrix and homography are then of images without distortion.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
+  /// Standard deviation of each pair's error, relative to the others: 1 for the most precise; null:
+  /// all alike. TwoViewMatcher sets it.
+  const std::vector<double>* deviations = nullptr;
   /// A homography that may be right, for example of the same matches before they were aligned.
   std::optional<Eigen::Matrix3d> homography;
 };

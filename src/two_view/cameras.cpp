@@ -106,6 +106,18 @@ Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step, const Eig
   return spread * of_step * spread.transpose();
 }
 
+Eigen::Matrix<double, 6, 1> stepBetween(const RelativePose& from, const RelativePose& to) {
+  const Eigen::Vector3d& t = from.translation;
+  const Eigen::AngleAxisd turn(to.rotation * from.rotation.transpose());
+  Eigen::Vector3d sideways = to.translation - t * t.dot(to.translation);
+  const double angle = std::atan2(sideways.norm(), t.dot(to.translation));
+  sideways = sideways.norm() > 1e-9 ? Eigen::Vector3d(sideways.normalized())
+                                    : Eigen::Vector3d(across(t).col(0));
+  Eigen::Matrix<double, 6, 1> step;
+  step << angle * sideways, turn.angle() * turn.axis();
+  return step;
+}
+
 }  // namespace ktgp_orb::two_view
 
 namespace ktgp_orb {

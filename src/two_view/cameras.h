@@ -72,4 +72,8 @@ double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView
 Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step,
                            const Eigen::Vector3d& translation);
 
+/// The step from one motion to another in the coordinates of TwoView::pose_covariance: along the
+/// shortest arc of the directions, across the first translation.
+Eigen::Matrix<double, 6, 1> stepBetween(const RelativePose& from, const RelativePose& to);
+
 }  // namespace ktgp_orb::two_view

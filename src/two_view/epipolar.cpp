@@ -12,9 +12,6 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-constexpr double kFreedom = 4.0;    // of Student's t, as for homographies
-constexpr double kFarLimits = 2.0;  // of Sampson distances: the limit of reprojection errors
-
 /// Sampson distance of a pair: C / n with C = x'^T F x and n the length of C's derivative by the
 /// four coordinates. `a` and `b`: derivatives of C by target and reference.
 template <typename Value>
@@ -41,6 +38,21 @@ Points::Lanes squaredErrors(const Points& p, const Eigen::Matrix3f& f, std::size
                                  Points::load(p.u, first), Points::load(p.v, first));
   return s.value * s.value / s.length2.max(kTiny);
 }
+
+std::size_t markNear(const EpipolarPairs& pairs, const Epipolar& model, double limit,
+                     std::vector<std::uint8_t>& near) {
+  const Eigen::Matrix3f f = model.matrix.cast<float>();
+  return pairs.scoring.markNear(
+      limit, [&](std::size_t first) { return squaredErrors(pairs.scoring, f, first); }, near);
+}
+
+const estimation::FitRules kRules = [] {
+  estimation::FitRules rules;
+  rules.most_steps = 20;
+  rules.converged = 1e-6;  // rad
+  rules.longest = 1.0;
+  return rules;
+}();
 
 Eigen::Matrix<double, 9, 1> rowByRow(const Eigen::Matrix3d& m) {
   Eigen::Matrix<double, 9, 1> rows;
@@ -69,9 +81,14 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 }
 
 void EpipolarPairs::load(const PointPairs& pairs, const estimation::QualityOrder& order,
-                         double max_error, const std::optional<Cameras>& cameras) {
+                         double max_error, const std::optional<Cameras>& cameras,
+                         const std::vector<double>* deviations) {
   const auto by_quality = [&order](std::size_t place) { return order[place]; };
   NormalisedPairs::load(pairs.reference, pairs.target, by_quality, max_error, true);
+  precision.assign(size(), 1.0);
+  for (std::size_t i = 0; deviations != nullptr && i < size(); ++i) {
+    precision[i] = 1.0 / (*deviations)[order[i]];
+  }
   calibrated_ = cameras.has_value();
   reference_ray_ = target_ray_ = Eigen::Matrix3d::Identity();
   focal_ = 1.0;
@@ -130,7 +147,7 @@ EpipolarPairs::Tangent EpipolarPairs::tangent(const Epipolar& g) const {
   return columns;
 }
 
-Epipolar EpipolarPairs::moved(const Epipolar& g, const Step& step) const {
+Epipolar EpipolarPairs::moved(const Epipolar& g, const estimation::Step& step) const {
   if (calibrated_) {
     const Eigen::Vector3d t =
         g.motion.translation + across(g.motion.translation) * step.segment<2>(3);
@@ -144,19 +161,26 @@ Epipolar EpipolarPairs::moved(const Epipolar& g, const Step& step) const {
   return result;
 }
 
-std::size_t EpipolarProblem::findNear(const Epipolar& model, double limit,
-                                      std::vector<std::uint8_t>& near) const {
-  const Points& points = pairs_->scoring;
-  const Eigen::Matrix3f f = model.matrix.cast<float>();
-  return points.markNear(
-      limit, [&](std::size_t first) { return squaredErrors(points, f, first); }, near);
+double EpipolarPairs::distance(const Epipolar& g, std::size_t i) const {
+  const homography::PointArrays<double>& p = refinement;
+  if (calibrated_) {
+    const Eigen::Vector3d q = referenceRay(i);
+    const Eigen::Vector3d u = targetRay(i);
+    if (!inFront(g.motion, q, u)) {
+      const Eigen::Vector3d at = g.motion.rotation * q;
+      if (!(at.z() > 0.0)) return std::numeric_limits<double>::infinity();
+      return std::sqrt(0.5) * focal_ * (at.hnormalized() - u.hnormalized()).norm();
+    }
+  }
+  const Sampson<double> s(g.matrix, p.x[i], p.y[i], p.u[i], p.v[i]);
+  return std::abs(s.value) / std::sqrt(std::max(s.length2, 1e-60));
 }
 
-float EpipolarProblem::cost(const Epipolar& model, float give_up) const {
+float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
   constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two checks of the sum
-  const Points& points = pairs_->scoring;
+  const Points& points = pairs.scoring;
   const Eigen::Matrix3f f = model.matrix.cast<float>();
-  const auto limit2 = static_cast<float>(pairs_->limit * pairs_->limit);
+  const auto limit2 = static_cast<float>(pairs.limit * pairs.limit);
   float cost = 0.0F;
   for (std::size_t start = 0; start < points.size; start += kBlock) {
     Points::Lanes sum = Points::Lanes::Zero();
@@ -209,221 +233,147 @@ void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   }
 }
 
-/// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
-/// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
-bool EpipolarProblem::isBehind(const RelativePose& motion, std::size_t i) const {
-  const Eigen::Vector3d q = pairs_->referenceRay(i);
-  const Eigen::Vector3d u = pairs_->targetRay(i);
-  if (inFront(motion, q, u)) return false;
-  const Eigen::Vector2d at = (motion.rotation * q).hnormalized();
-  return (at - u.hnormalized()).norm() * pairs_->focal() > kFarLimits * pairs_->limit;
+std::size_t EpipolarProblem::findInliers(const Epipolar& model,
+                                         std::vector<std::uint8_t>& inlier) const {
+  return markNear(*pairs_, model, pairs_->limit, inlier);
 }
 
-std::size_t EpipolarProblem::select(const Epipolar& geometry, double reach, std::size_t most) {
-  findNear(geometry, reach, near_);
-  std::size_t n = 0;
-  selected_.resize(std::min(size(), most));
-  for (std::size_t i = 0; i < size() && n < most; ++i) {
-    if (near_[i] == 0) continue;
-    if (pairs_->calibrated() && isBehind(geometry.motion, i)) {
-      near_[i] = 0;
-      continue;
+/// The derivative of the Sampson distance by F is (x' x^T - q (a x^T + x' b^T)) / n, q = C / n².
+double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
+                                Eigen::Vector2d* by_target) const {
+  const double x[3] = {points.x[i], points.y[i], 1.0};
+  const double u[3] = {points.u[i], points.v[i], 1.0};
+  const Sampson<double> s(f, x[0], x[1], u[0], u[1]);
+  const double inverse = 1.0 / std::sqrt(std::max(s.length2, 1e-60));
+  const double e = s.value * inverse;
+  const double q = e * inverse;
+  const double a[3] = {q * s.a0, q * s.a1, 0.0};
+  const double b[3] = {q * s.b0, q * s.b1, 0.0};
+  const double scaled = inverse * precision[i];
+  for (int k = 0; k < 3; ++k) {
+    for (int l = 0; l < 3; ++l) {
+      by_entries[3 * k + l] = (u[k] * x[l] - a[k] * x[l] - u[k] * b[l]) * scaled;
     }
-    selected_.set(n++, pairs_->refinement, i);
   }
-  selected_.size = n;
-  for (std::vector<double>* array : {&error_, &weight_, &former_weight_}) array->resize(n);
-  return n;
+  if (by_target != nullptr) *by_target = Eigen::Vector2d(s.a0, s.a1) * scaled;
+  return e * precision[i];
 }
 
-/// Fills error_, weight_ and `sums` in one pass, with the current scale. The derivative of the
-/// Sampson distance by F is (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
-void EpipolarProblem::reweight(const Epipolar& geometry, Sums& sums) {
-  const Eigen::Matrix3d& f = geometry.matrix;
-  const double scale2 = scale_ * scale_;
-  sums = {};
+/// The sums by the entries of F, in one pass, and then by the parameters.
+void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& weights,
+                               estimation::NormalEquations& sums) const {
+  using estimation::kStudentFreedom;
   double squares[45] = {};
   double gradient[9] = {};
-  std::swap(weight_, former_weight_);
-  for (std::size_t i = 0; i < selected_.size; ++i) {
-    const double x[3] = {selected_.x[i], selected_.y[i], 1.0};
-    const double u[3] = {selected_.u[i], selected_.v[i], 1.0};
-    const Sampson<double> s(f, x[0], x[1], u[0], u[1]);
-    const double inverse = 1.0 / std::sqrt(std::max(s.length2, 1e-60));
-    const double e = s.value * inverse;
-    const double q = e * inverse;
-    const double a[3] = {q * s.a0, q * s.a1, 0.0};
-    const double b[3] = {q * s.b0, q * s.b1, 0.0};
-    const double w = (kFreedom + 1.0) * scale2 / (kFreedom * scale2 + e * e);
-    double jacobian[9];
-    for (int k = 0; k < 3; ++k) {
-      for (int l = 0; l < 3; ++l) {
-        jacobian[3 * k + l] = (u[k] * x[l] - a[k] * x[l] - u[k] * b[l]) * inverse;
-      }
-    }
+  double jacobian[9];
+  sums = {};
+  std::swap(weights.weight, weights.former);
+  for (std::size_t i = 0; i < points.size; ++i) {
+    const double e = evaluate(i, g.matrix, jacobian, nullptr);
+    const double w = estimation::studentWeight(e * e, weights.scale2, 1.0);
     int at = 0;
     for (int k = 0; k < 9; ++k) {
       const double weighted = w * jacobian[k];
       gradient[k] += weighted * e;
       for (int l = k; l < 9; ++l) squares[at++] += weighted * jacobian[l];
     }
+    const double q = w * (kStudentFreedom / (kStudentFreedom + 1.0));
     sums.weight += w;
+    sums.derivative += w * (2.0 * q - 1.0);
+    sums.square += w * w * e * e;
     sums.cost += w * e * e;
-    sums.former_cost += former_weight_[i] * e * e;
-    // d(w e)/de = w (1 - 2 e² / (f s² + e²))
-    sums.derivative += w * (1.0 - 2.0 * e * e / (kFreedom * scale2 + e * e));
-    error_[i] = e;
-    weight_[i] = w;
+    sums.former_cost += weights.former[i] * e * e;
+    weights.squared[i] = e * e;
+    weights.weight[i] = w;
   }
+  Eigen::Matrix<double, 9, 9> full;
   int at = 0;
   for (int k = 0; k < 9; ++k) {
-    sums.gradient[k] = gradient[k];
-    for (int l = k; l < 9; ++l) sums.squares(k, l) = sums.squares(l, k) = squares[at++];
+    for (int l = k; l < 9; ++l) full(k, l) = full(l, k) = squares[at++];
   }
+  const EpipolarPairs::Tangent tangent = pairs->tangent(g);
+  sums.squares = tangent.transpose() * full * tangent;
+  sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Maximum likelihood of the scale for given errors, by expectation maximisation; fitting made the
-/// errors smaller.
-void EpipolarProblem::estimateScale() {
-  constexpr int kRounds = 2;
-  constexpr double kLeast = 1e-9;  // normalised units
-  const auto freedom = static_cast<double>(pairs_->freedom());
-  const auto n = static_cast<double>(selected_.size);
-  const double fitted = n / std::max(n - freedom, 1.0);
-  for (int round = 0; round < kRounds; ++round) {
-    const double scale2 = scale_ * scale_;
-    double weights = 0.0;
-    double cost = 0.0;
-    for (const double e : error_) {
-      const double w = (kFreedom + 1.0) * scale2 / (kFreedom * scale2 + e * e);
-      weights += w;
-      cost += w * e * e;
+/// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
+/// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
+std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
+  constexpr double kBehind = 3.0;  // deviations
+  const EpipolarPairs& pairs = *problem_.pairs;
+  markNear(pairs, geometry, reach, near_);
+  const std::size_t size = pairs.size();
+  std::size_t n = 0;
+  problem_.points.resize(std::min(size, most));
+  problem_.precision.resize(problem_.points.size);
+  for (std::size_t i = 0; i < size && n < most; ++i) {
+    if (near_[i] == 0) continue;
+    if (pairs.calibrated() &&
+        pairs.distance(geometry, i) * pairs.precision[i] > std::max(reach, kBehind * scale())) {
+      near_[i] = 0;
+      continue;
     }
-    scale_ = std::sqrt(fitted * cost / weights);
+    problem_.precision[n] = pairs.precision[i];
+    problem_.points.set(n++, pairs.refinement, i);
   }
-  scale_ = std::max(scale_, kLeast);
+  problem_.points.size = n;
+  return n;
 }
 
-bool EpipolarProblem::findStep(const Epipolar& geometry, const Sums& sums, double damping,
-                               EpipolarPairs::Step& step) const {
-  const EpipolarPairs::Tangent tangent = pairs_->tangent(geometry);
-  Information information = tangent.transpose() * sums.squares * tangent;
-  information.diagonal() *= 1.0 + damping;
-  const Eigen::LDLT<Information> ldlt(information);
-  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
-  // The weights fall with the errors: without the factor every step would be too short.
-  const double longer = std::min(sums.weight / std::max(sums.derivative, 1e-300), 2.0);
-  step = ldlt.solve(tangent.transpose() * sums.gradient) * -longer;
-  return step.allFinite() && step.head<3>().norm() < 1.0 && step.tail<2>().norm() < 2.0;
-}
-
-bool EpipolarProblem::refine(double widening, Epipolar& model) {
+bool EpipolarFit::step(double reach, Epipolar& geometry) {
   constexpr std::size_t kEnough = 200;  // best pairs
   constexpr double kScales = 3.0;       // of the errors within the limit
-  const double reach = widening * pairs_->limit;
-  if (select(model, reach, kEnough) <= sampleSize()) return false;
-  scale_ = reach / kScales;
-  std::fill(weight_.begin(), weight_.end(), 0.0);
-  Sums sums;
-  reweight(model, sums);
-  EpipolarPairs::Step step;
-  if (!findStep(model, sums, 0.0, step)) return false;
-  model = pairs_->moved(model, step);
-  return true;
+  fit_.weights().setScale(reach / kScales);
+  const auto freedom = static_cast<std::size_t>(problem_.pairs->freedom());
+  const std::size_t n = select(geometry, reach, kEnough);
+  if (n <= freedom) return false;
+  fit_.weights().reset(n, 1, freedom);
+  return fit_.step(problem_, kRules, geometry);
 }
 
-bool EpipolarProblem::minimise(Epipolar& geometry) {
+bool EpipolarFit::minimise(Epipolar& geometry) {
   constexpr double kReach = 2.0;  // limits
-  constexpr int kMaxRounds = 6;
-  constexpr int kMaxSteps = 20;
-  constexpr double kConverged = 1e-7;  // rad
-  scale_ = pairs_->limit / kReach;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    if (select(geometry, kReach * pairs_->limit, size()) <= sampleSize()) return false;
+  constexpr int kMostRounds = 6;
+  const EpipolarPairs& pairs = *problem_.pairs;
+  const auto freedom = static_cast<std::size_t>(pairs.freedom());
+  fit_.weights().setScale(pairs.limit / kReach);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const std::size_t n = select(geometry, kReach * pairs.limit, pairs.size());
+    if (n <= freedom) return false;
     if (round > 0 && near_ == used_) break;
+    fit_.weights().reset(n, 1, freedom);
     std::swap(near_, used_);
-    std::fill(weight_.begin(), weight_.end(), 0.0);
-    reweight(geometry, sums_);
-    double damping = 0.0;
-    for (int i = 0; i < kMaxSteps; ++i) {
-      EpipolarPairs::Step step;
-      if (!findStep(geometry, sums_, damping, step)) {
-        if (damping > 1e3) return false;
-        damping = std::max(10.0 * damping, 1e-4);
-        continue;
-      }
-      const Epipolar candidate = pairs_->moved(geometry, step);
-      const double cost = sums_.cost;
-      Sums sums;
-      estimateScale();
-      reweight(candidate, sums);
-      if (sums.former_cost <= cost) {
-        geometry = candidate;
-        sums_ = sums;
-        damping *= 0.1;
-      } else {
-        reweight(geometry, sums_);
-        damping = std::max(10.0 * damping, 1e-4);
-      }
-      if (step.cwiseAbs().maxCoeff() < kConverged) break;
-    }
+    if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined) return false;
   }
   return true;
 }
 
-EpipolarProblem::Information EpipolarProblem::covariance(const Epipolar& geometry, double cell,
-                                                         double shared) {
-  selected_.findCells(cell, cell_);
-  cells_.assign(homography::PointArrays<double>::kCells, Vector9::Zero());
-  Eigen::Matrix<double, 9, 6> by_shared = Eigen::Matrix<double, 9, 6>::Zero();
-  for (std::size_t i = 0; i < selected_.size; ++i) {
-    const Eigen::Vector3d x(selected_.x[i], selected_.y[i], 1.0);
-    const Eigen::Vector3d u(selected_.u[i], selected_.v[i], 1.0);
-    const Sampson<double> s(geometry.matrix, x.x(), x.y(), u.x(), u.y());
-    const double inverse = 1.0 / std::sqrt(std::max(s.length2, 1e-60));
-    const double pull = weight_[i] * error_[i] * inverse;
-    Vector9 entries;
-    for (int k = 0; k < 9; ++k) entries[k] = u[k / 3] * x[k % 3];
-    // A shift of the target point by 1, u or v along either axis changes the error by a / n.
-    Eigen::Matrix<double, 6, 1> change;
-    change << s.a0 * Eigen::Vector3d(u.z(), u.x(), u.y()),
-        s.a1 * Eigen::Vector3d(u.z(), u.x(), u.y());
-    by_shared += (weight_[i] * inverse * inverse * entries) * change.transpose();
-    cells_[cell_[i]] += pull * entries;
+estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell,
+                                                double shared) {
+  using Shared = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 7, 6>;
+  const EpipolarPairs::Tangent tangent = problem_.pairs->tangent(geometry);
+  const homography::PointArrays<double>& points = problem_.points;
+  points.findCells(cell, cell_);
+  clusters_.reset(tangent.cols(), homography::PointArrays<double>::kCells);
+  Shared by_shared = Shared::Zero(tangent.cols(), 6);
+  Vector9 entries;
+  Eigen::Vector2d by_target;
+  for (std::size_t i = 0; i < points.size; ++i) {
+    const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
+    const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
+    clusters_.add(cell_[i], pull * e);
+    // A shift of the target point by 1, u or v along either axis.
+    const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
+    by_shared.leftCols<3>() += pull * (by_target.x() * linear);
+    by_shared.rightCols<3>() += pull * (by_target.y() * linear);
   }
-  // Pairs alone: as if their errors were independent and alike.
-  double pull2 = 0.0;
-  for (std::size_t i = 0; i < selected_.size; ++i) {
-    pull2 += weight_[i] * weight_[i] * error_[i] * error_[i];
-  }
-  const auto p = pairs_->freedom();
-  const auto freedom = static_cast<double>(p);
-  const auto n = static_cast<double>(selected_.size);
-  Matrix9 clustered = Matrix9::Zero();
-  double clusters = 0.0;
-  for (const Vector9& sum : cells_) {
-    if (sum.isZero(0.0)) continue;
-    clustered.noalias() += sum * sum.transpose();
-    clusters += 1.0;
-  }
-  const EpipolarPairs::Tangent tangent = pairs_->tangent(geometry);
-  const Information information =
-      tangent.transpose() * sums_.squares * tangent * (sums_.derivative / sums_.weight);
-  const Eigen::LDLT<Information> ldlt(information);
-  if (ldlt.info() != Eigen::Success || !ldlt.isPositive() || !(sums_.derivative > 0.0)) {
-    return Information::Constant(p, p, std::numeric_limits<double>::infinity());
-  }
-  const Information bread = ldlt.solve(Information::Identity(p, p));
-  const Information independent = pull2 / sums_.weight * n / std::max(n - freedom, 1.0) *
-                                  (tangent.transpose() * sums_.squares * tangent);
-  const double few = clusters / std::max(clusters - freedom, 1.0);
-  const Information by_cell = few * (tangent.transpose() * clustered * tangent);
-  // Few cells determine how much errors are alike, but not the whole shape.
-  const double alike = (independent.ldlt().solve(by_cell)).trace() / freedom;
-  const Information meat =
-      std::max(alike, 1.0) * independent + shared * shared * (tangent.transpose() * by_shared) *
-                                               (tangent.transpose() * by_shared).transpose();
-  return bread * meat * bread.transpose();
+  const estimation::Information bread = estimation::breadOf(fit_.sums());
+  const estimation::Information independent =
+      estimation::inflationOfWeights(fit_.sums(), fit_.weights()) *
+      estimation::independentMeat(fit_.sums(), fit_.weights());
+  const estimation::Information all =
+      clusters_.inflated(independent) + shared * shared * by_shared * by_shared.transpose();
+  return estimation::sandwich(bread, all);
 }
 
 }  // namespace ktgp_orb::two_view

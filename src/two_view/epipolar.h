@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "estimation/prosac.h"
+#include "estimation/robust_fit.h"
+#include "estimation/sandwich.h"
 #include "homography/point_pairs.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "two_view/cameras.h"
@@ -29,8 +31,11 @@ struct Epipolar {
 class EpipolarPairs : public homography::NormalisedPairs {
  public:
   /// `max_error`: limit of the Sampson distance of an inlier, px; best quality first by `order`.
+  /// `deviations`: see TwoViewInput.
   void load(const PointPairs& pairs, const estimation::QualityOrder& order, double max_error,
-            const std::optional<Cameras>& cameras);
+            const std::optional<Cameras>& cameras, const std::vector<double>* deviations = nullptr);
+
+  std::vector<double> precision;  ///< inverse of each pair's relative standard deviation
 
   bool calibrated() const { return calibrated_; }
   /// Normalised units per px.
@@ -57,8 +62,12 @@ class EpipolarPairs : public homography::NormalisedPairs {
   using Tangent = Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, 7>;
   Tangent tangent(const Epipolar& geometry) const;
   /// The geometry after a step of the parameters.
-  using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7, 1>;
-  Epipolar moved(const Epipolar& geometry, const Step& step) const;
+  Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
+
+  /// How far a pair is from the motion, normalised units: the Sampson distance in front of the
+  /// cameras. Behind them the inverse depth 0 is the nearest one that the scene can have, so that
+  /// the distance from the point at infinity counts, over the errors of both images.
+  double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
   /// F between normalised coordinates.
@@ -78,33 +87,36 @@ Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 /// Turns by a small rotation vector.
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix);
 
-/// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch; and its fit,
-/// maximum likelihood for Sampson distances with Student's t distribution of four degrees of
-/// freedom, as that of ReprojectionFit for homographies. Works on the manifold of Epipolar. Keeps its
-/// buffers.
-class EpipolarProblem {
- public:
-  using Model = Epipolar;
-  using Matrix9 = Eigen::Matrix<double, 9, 9>;
-  using Vector9 = Eigen::Matrix<double, 9, 1>;
-  using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7, 7>;
+using Vector9 = Eigen::Matrix<double, 9, 1>;
 
+/// The Sampson distances of selected pairs over their deviations, for estimation::RobustFit.
+struct SampsonProblem {
+  using State = Epipolar;
+
+  const EpipolarPairs* pairs = nullptr;
+  homography::PointArrays<double> points;  ///< the selected ones
+  std::vector<double> precision;           ///< of each of them
+
+  Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const {
+    return pairs->moved(geometry, step);
+  }
+  void linearise(const Epipolar& geometry, estimation::RobustWeights& weights,
+                 estimation::NormalEquations& sums) const;
+  /// The residual of a pair, its derivative by the entries of F, row by row, and by the target.
+  double evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
+                  Eigen::Vector2d* by_target) const;
+};
+
+/// The fit of an epipolar geometry: maximum likelihood for Sampson distances with Student's t
+/// distribution, on the manifold of Epipolar. Keeps its buffers.
+class EpipolarFit {
+ public:
   /// Stored by reference; best quality first.
-  void setPairs(const EpipolarPairs& pairs) { pairs_ = &pairs; }
-  std::size_t size() const { return pairs_->size(); }
-  std::size_t sampleSize() const { return static_cast<std::size_t>(pairs_->freedom()); }
-  template <typename Visit>
-  void solve(const estimation::ProsacSample& sample, Visit visit) {
-    solve(sample);
-    for (const Epipolar& model : models_) visit(model);
-  }
-  float cost(const Epipolar& model, float give_up) const;
-  /// One step over the best pairs within reach. False where these are not more than a sample, or do
-  /// not determine it.
-  bool refine(double widening, Epipolar& model);
-  std::size_t findInliers(const Epipolar& model, std::vector<std::uint8_t>& inlier) const {
-    return findNear(model, pairs_->limit, inlier);
-  }
+  void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
+
+  /// One step over the best pairs within `reach`. False where these are not more than a sample, or
+  /// do not determine it.
+  bool step(double reach, Epipolar& geometry);
 
   /// To convergence, over all pairs within twice the limit; the scale of the errors is estimated,
   /// too. False where the pairs do not determine the geometry.
@@ -112,44 +124,57 @@ class EpipolarProblem {
 
   /// After minimise(): of the parameters. Errors of pairs in one of the cells, `cell` normalised
   /// units wide, may be correlated (Liang & Zeger, Biometrika 1986). `shared`: standard deviation
-  /// of errors that vary linearly over the image, normalised units.
-  Information covariance(const Epipolar& geometry, double cell, double shared);
+  /// of errors that vary linearly over the image, normalised units. Infinite where it is not known.
+  estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
-  /// After minimise(): scale of the Sampson distances, normalised units.
-  double scale() const { return scale_; }
+  /// After minimise(): scale of the Sampson distances of pairs with the deviation 1, normalised
+  /// units.
+  double scale() const { return fit_.weights().scale(); }
 
  private:
-  struct Sums {
-    Matrix9 squares = Matrix9::Zero();   // of J^T w J, J by F's entries
-    Vector9 gradient = Vector9::Zero();  // of J^T w e
-    double weight = 0.0;                 // of w
-    double cost = 0.0;                   // of w e²
-    double former_cost = 0.0;
-    double derivative = 0.0;  // of d(w e)/de
-  };
-
-  void solve(const estimation::ProsacSample& sample);
-  std::size_t findNear(const Epipolar& model, double limit, std::vector<std::uint8_t>& near) const;
   std::size_t select(const Epipolar& geometry, double reach, std::size_t most);
-  bool isBehind(const RelativePose& motion, std::size_t i) const;
-  void reweight(const Epipolar& geometry, Sums& sums);
-  void estimateScale();
-  bool findStep(const Epipolar& geometry, const Sums& sums, double damping,
-                EpipolarPairs::Step& step) const;
 
-  const EpipolarPairs* pairs_ = nullptr;
-  std::vector<Eigen::Matrix3d> solutions_;  // of a sample
-  std::vector<Epipolar> models_;
+  SampsonProblem problem_;
+  estimation::RobustFit<SampsonProblem> fit_;
   std::vector<std::uint8_t> near_;
   std::vector<std::uint8_t> used_;
-  homography::PointArrays<double> selected_;
-  std::vector<double> error_;
-  std::vector<double> weight_;
-  std::vector<double> former_weight_;
-  double scale_ = 0.0;
-  Sums sums_;
   std::vector<std::size_t> cell_;  // of each selected pair
-  std::vector<Vector9> cells_;     // sums of J^T w e
+  estimation::ClusteredMeat clusters_;
+};
+
+/// Sum of the squared Sampson distances, none above the limit; incomplete above `give_up`.
+float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up);
+
+/// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch.
+class EpipolarProblem {
+ public:
+  using Model = Epipolar;
+
+  /// Stored by reference; best quality first.
+  void setPairs(const EpipolarPairs& pairs) {
+    pairs_ = &pairs;
+    fit_.setPairs(pairs);
+  }
+  std::size_t size() const { return pairs_->size(); }
+  std::size_t sampleSize() const { return static_cast<std::size_t>(pairs_->freedom()); }
+  template <typename Visit>
+  void solve(const estimation::ProsacSample& sample, Visit visit) {
+    solve(sample);
+    for (const Epipolar& model : models_) visit(model);
+  }
+  float cost(const Epipolar& model, float give_up) const { return costOf(*pairs_, model, give_up); }
+  bool refine(double widening, Epipolar& model) {
+    return fit_.step(widening * pairs_->limit, model);
+  }
+  std::size_t findInliers(const Epipolar& model, std::vector<std::uint8_t>& inlier) const;
+
+ private:
+  void solve(const estimation::ProsacSample& sample);
+
+  const EpipolarPairs* pairs_ = nullptr;
+  EpipolarFit fit_;
+  std::vector<Eigen::Matrix3d> solutions_;  // of a sample
+  std::vector<Epipolar> models_;
 };
 
 }  // namespace ktgp_orb::two_view

@@ -1,6 +1,5 @@
 #include "two_view/motions.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -8,22 +7,53 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
-#include <optional>
-#include <vector>
+
+#include "homography/point_pairs.h"
 
 namespace ktgp_orb::two_view {
 namespace {
 
-/// A motion over a plane: K'^-1 H K = R + t n^T.
-struct PlanarMotion {
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  // over the distance of the plane
-  Eigen::Vector3d normal;
-};
+Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d r = svd.matrixU() * svd.matrixV().transpose();
+  if (r.determinant() < 0.0) r = -r;
+  return r;
+}
 
-/// `of_homography` propagated to the motion.
+}  // namespace
+
+std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
+                                        const std::vector<std::uint8_t>& mask,
+                                        const Cameras& cameras, const Eigen::Matrix3d& homography) {
+  constexpr double kLeast = 1e-9;  // of the plane's distance: rounding
+  cv::Matx33d calibrated;
+  cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
+               calibrated);
+  std::vector<cv::Mat> rotations;
+  std::vector<cv::Mat> translations;
+  std::vector<cv::Mat> normals;
+  cv::decomposeHomographyMat(calibrated, cv::Matx33d::eye(), rotations, translations, normals);
+  std::vector<PlanarMotion> motions;
+  for (std::size_t k = 0; k < rotations.size(); ++k) {
+    PlanarMotion motion;
+    cv::cv2eigen(rotations[k], motion.rotation);
+    cv::cv2eigen(translations[k], motion.translation);
+    cv::cv2eigen(normals[k], motion.normal);
+    if (!(motion.translation.norm() > kLeast) || !(motion.rotation.determinant() > 0.0)) continue;
+    std::size_t front = 0;
+    std::size_t all = 0;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (mask[i] == 0) continue;
+      front += motion.normal.dot(cameras.referenceRay(pairs.reference[i])) > 0.0;
+      ++all;
+    }
+    if (2 * front >= all) motions.push_back(motion);
+  }
+  return motions;
+}
+
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
-                         const Covariance8& of_homography) {
+                         const Eigen::Matrix<double, 8, 8>& of_homography) {
   // H's first eight entries by rotation, translation and the plane's normal.
   const double length = motion.translation.norm();
   const Eigen::Vector3d direction = motion.translation / length;
@@ -47,70 +77,93 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
   return poseCovariance(covariance.topLeftCorner<5, 5>(), direction);
 }
 
-Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d r = svd.matrixU() * svd.matrixV().transpose();
-  if (r.determinant() < 0.0) r = -r;
-  return r;
+Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
+                                             const Eigen::Matrix3d& homography, double shared) {
+  const Eigen::Matrix3d centred = homography::Normalisation::of(pairs.target).matrix();
+  const Eigen::Matrix3d back = homography::Normalisation::of(pairs.target).inverse();
+  Eigen::Matrix<double, 8, 8> sum = Eigen::Matrix<double, 8, 8>::Zero();
+  for (int k = 0; k < 6; ++k) {
+    Eigen::Matrix3d flow = Eigen::Matrix3d::Zero();
+    flow(k / 3, k % 3) = shared * centred(0, 0);
+    const Eigen::Matrix3d d = back * flow * centred * homography;
+    Eigen::Matrix<double, 8, 1> column;
+    for (int i = 0; i < 8; ++i) {
+      column[i] = (d(i / 3, i % 3) - homography(i / 3, i % 3) / homography(2, 2) * d(2, 2)) /
+                  homography(2, 2);
+    }
+    sum += column * column.transpose();
+  }
+  return sum;
 }
 
-}  // namespace
+void RotationProblem::evaluate(std::size_t i, const State& rotation, Eigen::Vector2d& residual,
+                               Eigen::Matrix<double, 2, 3>& jacobian) const {
+  const Eigen::Matrix3d& k = cameras->target;
+  const Eigen::Vector3d p = rotation * rays[i];
+  residual = precision[i] * ((k * p).hnormalized() - targets[i]);
+  Eigen::Matrix<double, 2, 3> by_point;
+  by_point << k(0, 0) / p.z(), k(0, 1) / p.z(),
+      -(k(0, 0) * p.x() + k(0, 1) * p.y()) / (p.z() * p.z()), 0.0, k(1, 1) / p.z(),
+      -k(1, 1) * p.y() / (p.z() * p.z());
+  jacobian = -precision[i] * by_point * crossed(p);
+}
 
-void setPlaneMotion(const PointPairs& pairs, const Cameras& cameras, const Covariance8& covariance,
-                    double max_error, TwoView& view) {
-  cv::Matx33d calibrated;
-  cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * view.homography * cameras.reference),
-               calibrated);
-  std::vector<cv::Mat> rotations;
-  std::vector<cv::Mat> translations;
-  std::vector<cv::Mat> normals;
-  cv::decomposeHomographyMat(calibrated, cv::Matx33d::eye(), rotations, translations, normals);
-  std::optional<PlanarMotion> best;
-  std::optional<PlanarMotion> second;
-  double best_cost = 0.0;
-  double second_cost = 0.0;
-  for (std::size_t k = 0; k < rotations.size(); ++k) {
-    PlanarMotion motion;
-    cv::cv2eigen(rotations[k], motion.rotation);
-    cv::cv2eigen(translations[k], motion.translation);
-    cv::cv2eigen(normals[k], motion.normal);
-    const double length = motion.translation.norm();
-    if (!(length > 1e-9) || !(motion.rotation.determinant() > 0.0)) continue;
-    std::size_t front = 0;
+bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
+                      const Eigen::Matrix3d& homography, std::size_t inliers, double max_error,
+                      const std::vector<double>* deviations) {
+  constexpr int kRounds = 3;
+  constexpr double kReach = 2.0;  // limits
+  estimation::FitRules rules;
+  rules.longest = 1.0;       // rad
+  rules.least_scale = 1e-4;  // px
+  rotation_ = nearestRotation(cameras.target_inverse * homography * cameras.reference);
+  problem_.cameras = &cameras;
+  fit_.weights().setScale(0.5 * max_error);
+  for (int round = 0; round < kRounds; ++round) {
+    problem_.rays.clear();
+    problem_.targets.clear();
+    problem_.precision.clear();
     for (std::size_t i = 0; i < pairs.size(); ++i) {
-      front +=
-          view.mask[i] != 0 && motion.normal.dot(cameras.referenceRay(pairs.reference[i])) > 0.0;
+      const Eigen::Vector3d ray = cameras.referenceRay(pairs.reference[i]);
+      const Eigen::Vector3d p = rotation_ * ray;
+      if (!(p.z() > 1e-6)) continue;
+      const double error = ((cameras.target * p).hnormalized() - pairs.target[i]).norm();
+      if (!(error < kReach * max_error)) continue;
+      problem_.rays.push_back(ray);
+      problem_.targets.push_back(pairs.target[i]);
+      problem_.precision.push_back(deviations == nullptr ? 1.0 : 1.0 / (*deviations)[i]);
     }
-    if (2 * front < view.inliers) continue;
-    const Eigen::Matrix3d f = cameras.fundamentalOf({motion.rotation, motion.translation / length});
-    const double limit = kSampsonShare * max_error;
-    double cost = 1e-3 * static_cast<double>(pairs.size()) * (1.0 - motion.normal.z());
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const double error = sampson(f, pairs.reference[i], pairs.target[i]);
-      cost += view.mask[i] != 0 ? 0.0 : std::min(error / limit, 1.0);
-    }
-    if (!best || cost < best_cost) {
-      second = best;
-      second_cost = best_cost;
-      best = motion;
-      best_cost = cost;
-    } else if (!second || cost < second_cost) {
-      second = motion;
-      second_cost = cost;
-    }
+    if (size() <= 4 || 2 * size() < inliers) return false;
+    fit_.weights().reset(size(), 2, 3);
+    if (fit_.minimise(problem_, rules, rotation_) == estimation::FitEnd::undetermined) return false;
   }
-  if (!best) return;
-  const Eigen::Vector3d direction = best->translation.normalized();
-  view.pose = {best->rotation, direction};
-  view.fundamental = cameras.fundamentalOf({best->rotation, direction}).normalized();
-  if (second) {
-    view.probability = 0.5;
-    view.other = OtherMotion{Geometry::plane,
-                             {second->rotation, second->translation.normalized()},
-                             covarianceOf(*second, cameras, covariance),
-                             0.5};
+  rotation_ = nearestRotation(rotation_);
+  return true;
+}
+
+Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
+  // A shift by 1, x or y of the target points along either axis, with coordinates as large as 1.
+  const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
+  Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
+  Eigen::Vector2d residual;
+  Eigen::Matrix<double, 2, 3> jacobian;
+  for (std::size_t i = 0; i < size(); ++i) {
+    problem_.evaluate(i, rotation_, residual, jacobian);
+    jacobian *= fit_.weights().weight[i] * problem_.precision[i];
+    const Eigen::Vector3d linear = scaled.apply(problem_.targets[i]).homogeneous();
+    by_shared.leftCols<3>() += jacobian.row(0).transpose() * linear.transpose();
+    by_shared.rightCols<3>() += jacobian.row(1).transpose() * linear.transpose();
   }
-  view.pose_covariance = covarianceOf(*best, cameras, covariance);
+  // A translation shifts all points, or moves them along lines through one point.
+  Eigen::Matrix<double, 6, 1> deviations;
+  deviations.setConstant(shared);
+  const Eigen::Matrix<double, 6, 1> moved =
+      (Eigen::Matrix<double, 6, 1>() << unseen, 0.0, 0.0, unseen, 0.0, 0.0).finished();
+  const Eigen::Matrix<double, 6, 1> both = deviations.cwiseAbs2() + moved.cwiseAbs2();
+  const estimation::Information bread = estimation::breadOf(fit_.sums());
+  const estimation::Information meat = estimation::independentMeat(fit_.sums(), fit_.weights()) +
+                                       by_shared * both.asDiagonal() * by_shared.transpose();
+  return estimation::sandwich(bread, meat);
 }
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
@@ -137,68 +190,6 @@ Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
     scale2 = std::max(squares / weights, kLeastScale2);
   }
   return turn;
-}
-
-bool isForward(const EpipolarPairs& pairs, const RelativePose& motion) {
-  const std::size_t n = std::min<std::size_t>(pairs.size(), 64);
-  std::size_t front = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    front += inFront(motion, pairs.referenceRay(i), pairs.targetRay(i)) ? 1 : 0;
-  }
-  return 2 * front > n;
-}
-
-bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
-                 std::size_t inliers, double max_error, Eigen::Matrix3d& rotation,
-                 Eigen::Matrix3d& covariance) {
-  constexpr int kSteps = 8;
-  constexpr double kFreedom = 4.0;  // of Student's t
-  constexpr double kEntries = 3.0;
-  rotation = nearestRotation(cameras.target_inverse * homography * cameras.reference);
-  double scale2 = max_error * max_error / 4.0;
-  std::size_t near = 0;
-  for (int step = 0; step < kSteps; ++step) {
-    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
-    Eigen::Matrix3d pulls = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    double weights = 0.0;
-    double derivative = 0.0;
-    double cost = 0.0;
-    near = 0;
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const Eigen::Vector3d p = rotation * cameras.referenceRay(pairs.reference[i]);
-      if (!(p.z() > 1e-6)) continue;
-      const Eigen::Vector2d e = (cameras.target * p).hnormalized() - pairs.target[i];
-      const double e2 = e.squaredNorm();
-      const double reach = 2.0 * max_error;
-      if (!(e2 < reach * reach)) continue;
-      ++near;
-      Eigen::Matrix<double, 2, 3> by_point;
-      by_point << cameras.target(0, 0) / p.z(), cameras.target(0, 1) / p.z(),
-          -(cameras.target(0, 0) * p.x() + cameras.target(0, 1) * p.y()) / (p.z() * p.z()), 0.0,
-          cameras.target(1, 1) / p.z(), -cameras.target(1, 1) * p.y() / (p.z() * p.z());
-      const Eigen::Matrix<double, 2, 3> jacobian = -by_point * crossed(p);
-      const double w = (kFreedom + 2.0) * scale2 / (kFreedom * scale2 + e2);
-      const Eigen::Vector3d pull = w * jacobian.transpose() * e;
-      squares.noalias() += w * jacobian.transpose() * jacobian;
-      pulls.noalias() += pull * pull.transpose();
-      gradient += pull;
-      weights += w;
-      derivative += w * (1.0 - e2 / (kFreedom * scale2 + e2));
-      cost += w * e2;
-    }
-    if (near <= 4 || 2 * near < inliers) return false;
-    const Eigen::LDLT<Eigen::Matrix3d> ldlt(squares);
-    if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
-    rotation = turned(-weights / derivative * ldlt.solve(gradient), rotation);
-    const Eigen::Matrix3d bread =
-        weights / derivative * ldlt.solve(Eigen::Matrix3d::Identity()).eval();
-    const double n = 2.0 * static_cast<double>(near);
-    covariance = n / (n - kEntries) * bread * pulls * bread.transpose();
-    scale2 = std::max(n / (n - kEntries) * cost / (2.0 * weights), 1e-8);
-  }
-  rotation = nearestRotation(rotation);
-  return true;
 }
 
 }  // namespace ktgp_orb::two_view

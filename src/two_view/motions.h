@@ -2,31 +2,86 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <vector>
 
+#include "estimation/robust_fit.h"
+#include "estimation/sandwich.h"
 #include "two_view/cameras.h"
 #include "two_view/epipolar.h"
 
 namespace ktgp_orb::two_view {
 
-/// Sets pose, other, pose_covariance and fundamental of a `view` whose homography is that of a
-/// plane, with mask. The poses are those of the decomposition (Malis & Vargas, 2007) that see the
-/// plane's front. The likelier one agrees better with all pairs; where both agree alike, it faces
-/// the plane more. Sets nothing where the camera did not move. `covariance`: of the homography.
-void setPlaneMotion(const PointPairs& pairs, const Cameras& cameras, const Covariance8& covariance,
-                    double max_error, TwoView& view);
+/// A motion over a plane: K'^-1 H K ~ R + t n^T.
+struct PlanarMotion {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;  ///< over the distance of the plane
+  Eigen::Vector3d normal;       ///< of length 1
 
-/// The rotation of maximum likelihood (Student's t) over the pairs near `homography`, which has
-/// `inliers`; false where it explains less than half of them. `max_error`: px. `covariance`: of
-/// small rotations about the target camera's axes, rad².
-bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
-                 std::size_t inliers, double max_error, Eigen::Matrix3d& rotation,
-                 Eigen::Matrix3d& covariance);
+  RelativePose pose() const { return {rotation, translation.normalized()}; }
+};
+
+/// The two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) and that
+/// see the front of the plane at most of the marked pairs; none where the camera did not move.
+std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
+                                        const std::vector<std::uint8_t>& mask,
+                                        const Cameras& cameras, const Eigen::Matrix3d& homography);
+
+/// `of_homography`, the covariance of the first eight entries, propagated to the motion.
+Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
+                         const Eigen::Matrix<double, 8, 8>& of_homography);
+
+/// The covariance of a homography's first eight entries for errors of the deviation `shared`, px,
+/// that vary linearly over the target points.
+Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
+                                             const Eigen::Matrix3d& homography, double shared);
+
+/// Reprojection errors of a camera that only turned, for estimation::RobustFit.
+struct RotationProblem {
+  using State = Eigen::Matrix3d;
+  static constexpr int kResiduals = 2;
+  static constexpr int kParameters = 3;
+
+  const Cameras* cameras = nullptr;
+  std::vector<Eigen::Vector3d> rays;     ///< of the reference
+  std::vector<Eigen::Vector2d> targets;  ///< px
+  std::vector<double> precision;         ///< inverse relative deviations
+
+  static State moved(const State& rotation, const estimation::Step& step) {
+    return turned(step.head<3>(), rotation);
+  }
+  void evaluate(std::size_t i, const State& rotation, Eigen::Vector2d& residual,
+                Eigen::Matrix<double, 2, 3>& jacobian) const;
+  void linearise(const State& rotation, estimation::RobustWeights& weights,
+                 estimation::NormalEquations& sums) const {
+    estimation::lineariseEach(*this, rotation, weights, sums);
+  }
+};
+
+/// The rotation of maximum likelihood. Keeps its buffers.
+class RotationFit {
+ public:
+  /// Over the pairs near `homography`, which has `inliers`; false where it explains less than half
+  /// of them. `deviations`: see TwoViewInput.
+  bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
+           std::size_t inliers, double max_error, const std::vector<double>* deviations);
+
+  const Eigen::Matrix3d& rotation() const { return rotation_; }
+  /// Of small rotations about the target camera's axes, rad². It has the noise, errors of the
+  /// deviation `shared`, px, that vary linearly over the image, and what a parallax can change that
+  /// does not show: `unseen`, px.
+  Eigen::Matrix3d covariance(double shared, double unseen) const;
+  /// Of one coordinate, px.
+  double scale() const { return fit_.weights().scale(); }
+  std::size_t size() const { return problem_.targets.size(); }
+
+ private:
+  RotationProblem problem_;
+  estimation::RobustFit<RotationProblem> fit_;
+  Eigen::Matrix3d rotation_ = Eigen::Matrix3d::Identity();
+};
 
 /// The turn that explains the best pairs without a translation: least squares with the weights of
 /// Cauchy's distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
-
-/// Whether most of the first pairs are in front of both cameras.
-bool isForward(const EpipolarPairs& pairs, const RelativePose& motion);
 
 }  // namespace ktgp_orb::two_view

@@ -11,12 +11,15 @@
 #include "homography/verdict.h"
 #include "two_view/cameras.h"
 #include "two_view/epipolar.h"
+#include "two_view/hypotheses.h"
 #include "two_view/motions.h"
 #include "two_view/support.h"
 #include "util/constants.h"
+#include "util/geometry.h"
 #include "util/names.h"
 #include "util/options_check.h"
 #include "util/reset_keeping.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb {
 namespace {
@@ -50,12 +53,25 @@ struct TwoViewEstimator::Impl {
   static constexpr int kPlaneSamples = 250;  // a plane with less support is not what is published
 
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
-  bool findEpipolar(const TwoViewInput& input, TwoView& result);
-  bool startElsewhere();
-  void judgeHomography(const PointPairs& pairs);
+  bool findEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  void startElsewhere(const PointPairs& pairs, const TwoViewInput& input);
+  double diagonalOf(const TwoViewInput& input) const;
+  double cellOf(const PointPairs& pairs, const TwoViewInput& input) const;
+  void judgeHomography(const PointPairs& pairs, const TwoViewInput& input);
   void judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input);
-  void setPlane(const PointPairs& pairs, TwoView& result);
+  Covariance6 turnCovariance() const;
+  static void refuse(Doubt doubt, TwoView& result);
+  static bool isMirrored(const PointPairs& pairs, const TwoView& result);
+  bool isTurn(const PointPairs& pairs) const;
+  bool movesInOneRegion(const PointPairs& pairs, const TwoView& result) const;
+  void doubtTheTravel(TwoView& result) const;
+  bool setMotions(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  Covariance6 covarianceOf(const RelativePose& pose, const PointPairs& pairs,
+                           const TwoViewInput& input);
+  const two_view::PlanarMotion* planar(const RelativePose& pose) const;
+  void setPlane(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   void setRotation(const PointPairs& pairs, TwoView& result);
+  Doubt doubtOf(const TwoView& result) const;
   bool setEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
 
   TwoViewOptions options;
@@ -65,14 +81,15 @@ struct TwoViewEstimator::Impl {
   double log_plane = 0.0;     // of the homography
   double log_rotation = 0.0;  // of the rotation
   double log_epipolar = 0.0;
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d rotation_covariance = Eigen::Matrix3d::Zero();
+  two_view::RotationFit turn;
   std::optional<two_view::Cameras> cameras;
   estimation::QualityOrder order;
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
   estimation::ProsacSearch<EpipolarProblem> search;
-  EpipolarProblem fit;  // of the answer; startElsewhere() leaves it as it is
+  two_view::EpipolarFit fit;  // of the answer
+  two_view::Hypotheses hypotheses;
+  std::vector<two_view::PlanarMotion> planes;  // of the plane that explains the pairs
   Epipolar epipolar;
   two_view::Support support;
   std::vector<double> chance;  // of each pair; more than 1: it does not agree
@@ -83,7 +100,7 @@ struct TwoViewEstimator::Impl {
 
 void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInput& input,
                                       TwoView& result) {
-  constexpr double kMostFalseAlarms = -6.0;  // log10
+  constexpr double kMostFalseAlarms = -20.0;  // log10
   homography::requireFinite(pairs);
   cameras = two_view::camerasOf(input);
   util::resetKeeping(&TwoView::mask, result);
@@ -100,12 +117,13 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   }
   target_area = estimation::coveredArea(pairs.target);
   support.load(pairs, options.max_error);
-  judgeHomography(pairs);
+  judgeHomography(pairs, input);
   log_epipolar = 0.0;
+  planes.clear();
   if (pairs.size() > (cameras ? 5U : 7U)) {
     order.sort(pairs.quality);
-    normalised.load(pairs, order, kSampsonShare * options.max_error, cameras);
-    if (findEpipolar(input, result)) judgeEpipolar(pairs, input);
+    normalised.load(pairs, order, kSampsonShare * options.max_error, cameras, input.deviations);
+    if (findEpipolar(pairs, input, result)) judgeEpipolar(pairs, input);
   }
   const double log_homography = std::min(log_plane, log_rotation);
   result.log_false_alarms_homography = log_homography;
@@ -113,7 +131,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (has_plane) result.homography = plane.answer.homography;
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
     if (setEpipolar(pairs, input, result)) {
-      result.probability = 1.0;
+      if (isMirrored(pairs, result)) refuse(Doubt::mirrored, result);
       return;
     }
     result.status = Status::model_rejected;
@@ -121,15 +139,15 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   }
   if (!has_plane) return;
   result.probability = 1.0;
-  if (log_rotation <= log_plane) {
+  if (log_rotation <= log_plane || isTurn(pairs)) {
     setRotation(pairs, result);
   } else {
-    setPlane(pairs, result);
+    setPlane(pairs, input, result);
   }
-  result.doubt = result.other ? Doubt::two_motions_of_a_plane : Doubt::none;
 }
 
-bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& result) {
+bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
+                                          TwoView& result) {
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
   // A strip of the limit on both sides of a line, in a square of the covered area.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
@@ -147,37 +165,52 @@ bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& re
   if (!found) return false;
   epipolar = search.best();
   fit.setPairs(normalised);
-  if (!fit.minimise(epipolar)) return false;
-  return !cameras || !startElsewhere() || fit.minimise(epipolar);
+  if (cameras) {
+    startElsewhere(pairs, input);
+    if (hypotheses.list().empty()) return false;
+    epipolar = hypotheses.list().front().geometry;
+  }
+  return fit.minimise(epipolar);
 }
 
 /// With little parallax, a wrong direction of the translation agrees with most pairs once the turn
-/// makes up for it. Sampling stops there, and the fit does not leave it. So the fit starts again
-/// from other directions, with the turn that explains the pairs without a translation.
-bool TwoViewEstimator::Impl::startElsewhere() {
-  constexpr int kSteps = 2;
+/// makes up for it. Sampling stops there, and the fit does not leave it. On a plane the second
+/// motion does as well. So the fit starts from all that may be.
+void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoViewInput& input) {
   static const Eigen::Vector3d kDirections[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
                                                 {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
-  const Eigen::Matrix3d turn = two_view::turnOf(normalised);
-  float least = problem.cost(epipolar, std::numeric_limits<float>::infinity());
-  bool is_better = false;
-  for (const Eigen::Vector3d& direction : kDirections) {
-    RelativePose motion{turn, direction.normalized()};
-    if (!two_view::isForward(normalised, motion)) motion.translation *= -1.0;
-    Epipolar start = normalised.fromMotion(motion);
-    for (int step = 0; step < kSteps && problem.refine(1.0, start); ++step) {
-    }
-    const float cost = problem.cost(start, least);
-    if (!(cost < least)) continue;
-    least = cost;
-    epipolar = start;
-    is_better = true;
+  hypotheses.load(normalised, cellOf(pairs, input), 0.5 * diagonalOf(input) * normalised.scale(),
+                  epipolar, has_plane ? &plane.answer.homography : nullptr);
+  hypotheses.start(epipolar.motion);
+  if (input.prediction && !input.prediction->translation.isZero(0.0)) {
+    hypotheses.start({input.prediction->rotation, input.prediction->translation.normalized()});
   }
-  return is_better;
+  const Eigen::Matrix3d turn_alone = two_view::turnOf(normalised);
+  for (const Eigen::Vector3d& direction : kDirections) {
+    hypotheses.start({turn_alone, direction.normalized()});
+  }
+  if (has_plane) {
+    for (const two_view::PlanarMotion& motion :
+         two_view::planarMotions(pairs, plane.mask, *cameras, plane.answer.homography)) {
+      hypotheses.start(motion.pose());
+    }
+  }
+  hypotheses.refine();
+}
+
+double TwoViewEstimator::Impl::diagonalOf(const TwoViewInput& input) const {
+  return input.target_size.empty() ? std::sqrt(2.0 * target_area)
+                                   : std::hypot(input.target_size.width, input.target_size.height);
+}
+
+/// Side of a cell of the reference, normalised units.
+double TwoViewEstimator::Impl::cellOf(const PointPairs& pairs, const TwoViewInput& input) const {
+  const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
+  return (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
 }
 
 /// Fills log_plane, and log_rotation where the cameras are known and only turned.
-void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs) {
+void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoViewInput& input) {
   has_plane = options.homography && plane.status == Status::ok;
   log_plane = 0.0;
   log_rotation = std::numeric_limits<double>::infinity();  // there is none
@@ -192,9 +225,9 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs) {
     return support.logFalseAlarms(chance, sample, 1.0);
   };
   log_plane = judge(plane.answer.homography, 4);
-  if (cameras && two_view::fitRotation(pairs, *cameras, plane.answer.homography, plane.inliers,
-                                       options.max_error, rotation, rotation_covariance)) {
-    log_rotation = judge(cameras->homographyOf(rotation), 2);
+  if (cameras && turn.fit(pairs, *cameras, plane.answer.homography, plane.inliers,
+                          options.max_error, input.deviations)) {
+    log_rotation = judge(cameras->homographyOf(turn.rotation()), 2);
   }
 }
 
@@ -204,9 +237,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   constexpr double kLeastParallax = 0.2;  // px: lenses and shutters bend images by as much
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
-  const double diagonal = input.target_size.empty()
-                              ? std::sqrt(2.0 * target_area)
-                              : std::hypot(input.target_size.width, input.target_size.height);
+  const double diagonal = diagonalOf(input);
   const std::size_t sample = cameras ? 5 : 7;
   const double models = cameras ? 10.0 : 3.0;
   chance.assign(pairs.size(), 2.0);
@@ -224,7 +255,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   // Parallax: of errors from the homography in random directions, how many would be as near to the
   // epipolar line? The homography is given, so that two pairs determine the rest, the epipole.
   const bool turned = log_rotation <= log_plane;
-  const Eigen::Matrix3d h = turned ? cameras->homographyOf(rotation) : plane.answer.homography;
+  const Eigen::Matrix3d h =
+      turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
   // On a near plane many pairs have a little parallax. Wrong pairs are farther away.
   constexpr double kNear = 2.0;  // times the limit
   displaced.assign(pairs.size(), {});
@@ -246,55 +278,244 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
+/// Whether the errors that all points share, and noise, explain how the homography differs from
+/// that of a turn: a translation within them is none.
+bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
+  constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
+  if (!cameras || !std::isfinite(log_rotation)) return false;
+  const Eigen::Matrix<double, 8, 1> difference =
+      util::entriesOf(plane.answer.homography) -
+      util::entriesOf(cameras->homographyOf(turn.rotation()));
+  const Eigen::Matrix<double, 8, 8> covariance =
+      plane.answer.covariance +
+      two_view::sharedCovariance(pairs, plane.answer.homography, options.shared_error);
+  return difference.dot(util::inverseOf(covariance) * difference) < kBound;
+}
+
+/// Whether a turn, or standing still, explains most inliers to within their errors, and the others
+/// are alone in one region: something that moves looks like depth there.
+bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
+                                              const TwoView& result) const {
+  constexpr double kErrors = 3.0 * 1.5;  // scales of Sampson distances, for both coordinates
+  constexpr double kLeastScale = 0.1;    // px
+  constexpr std::size_t kFew = 8;
+  constexpr double kOutside = 0.05;  // of the moving ones, on each side of the region
+  constexpr double kResting = 0.3;   // most of the pairs in the region
+  constexpr double kLargest = 0.5;   // region, of the area of all
+  if (!std::isfinite(log_rotation)) return false;
+  const Eigen::Matrix3d h = cameras->homographyOf(turn.rotation());
+  const double limit = kErrors * std::max(result.scale, kLeastScale);
+  std::vector<double> x, y;
+  std::vector<Eigen::Vector2d> resting;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (result.mask[i] == 0) continue;
+    if (homography::errorOf(h, pairs.reference[i], pairs.target[i]) < limit) {
+      resting.push_back(pairs.reference[i]);
+    } else {
+      x.push_back(pairs.reference[i].x());
+      y.push_back(pairs.reference[i].y());
+    }
+  }
+  if (x.size() < kFew || resting.size() < x.size()) return false;
+  std::sort(x.begin(), x.end());
+  std::sort(y.begin(), y.end());
+  const auto first = static_cast<std::size_t>(kOutside * static_cast<double>(x.size()));
+  const std::size_t last = x.size() - 1 - first;
+  const auto inside = std::count_if(resting.begin(), resting.end(), [&](const auto& p) {
+    return p.x() > x[first] && p.x() < x[last] && p.y() > y[first] && p.y() < y[last];
+  });
+  const double area = (x[last] - x[first]) * (y[last] - y[first]);
+  const double moving = static_cast<double>(last - first + 1);
+  return area < kLargest * homography::coveredArea(pairs.reference) &&
+         static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
+}
+
+/// Adds the turn as the other explanation: the direction of the translation is then open.
+void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
+  constexpr double kEven = 0.5;
+  result.doubt = Doubt::moving_region;
+  result.probability = kEven;
+  result.other = OtherMotion{
+      Geometry::rotation, {turn.rotation(), Eigen::Vector3d::Zero()}, turnCovariance(), kEven};
+  const Eigen::AngleAxisd turned(turn.rotation() * result.pose.rotation.transpose());
+  const Eigen::Vector3d step = turned.angle() * turned.axis();
+  const Eigen::Vector3d& t = result.pose.translation;
+  result.pose_covariance.topLeftCorner<3, 3>() += Eigen::Matrix3d::Identity() - t * t.transpose();
+  result.pose_covariance.bottomRightCorner<3, 3>() += kEven * step * step.transpose();
+}
+
+/// The unit of the translation of a turn is the distance of the scene. Residuals may be parallax,
+/// and its mean, which looks like a turn, is about as large as its scatter.
+Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
+  const double unseen = turn.scale();
+  Covariance6 covariance = Covariance6::Zero();
+  covariance.bottomRightCorner<3, 3>() = turn.covariance(options.shared_error, unseen);
+  covariance.topLeftCorner<3, 3>().diagonal().setConstant(
+      std::pow(unseen / cameras->target(0, 0), 2));
+  return covariance;
+}
+
+/// Whether the inliers mirror the image: no camera does. Parts that are symmetric agree with a
+/// motion all the same.
+bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& result) {
+  constexpr double kClearly = -0.3;  // 1: a similarity, -1: a mirror image of one
+  Eigen::Vector2d from = Eigen::Vector2d::Zero();
+  Eigen::Vector2d to = Eigen::Vector2d::Zero();
+  const auto count = static_cast<double>(result.inliers);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (result.mask[i] == 0) continue;
+    from += pairs.reference[i] / count;
+    to += pairs.target[i] / count;
+  }
+  Eigen::Matrix2d squares = 1e-9 * Eigen::Matrix2d::Identity();
+  Eigen::Matrix2d products = Eigen::Matrix2d::Zero();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (result.mask[i] == 0) continue;
+    const Eigen::Vector2d d = pairs.reference[i] - from;
+    squares += d * d.transpose();
+    products += (pairs.target[i] - to) * d.transpose();
+  }
+  const Eigen::Matrix2d map = products * squares.inverse();
+  return 2.0 * map.determinant() < kClearly * map.squaredNorm();
+}
+
+/// The motion of the plane that `pose` is; null: it is not one.
+const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose& pose) const {
+  constexpr double kSame = 1e-6;  // rad
+  for (const two_view::PlanarMotion& motion : planes) {
+    if (two_view::apart(motion.pose(), pose) < kSame) return &motion;
+  }
+  return nullptr;
+}
+
+/// NaN where the pairs do not determine the motion.
+Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const PointPairs& pairs,
+                                                 const TwoViewInput& input) {
+  constexpr double kMostTurn = 0.1;    // rad, standard deviation
+  constexpr double kMostAcross = 0.7;  // rad, of the direction of the translation
+  if (const two_view::PlanarMotion* motion = planar(pose)) {
+    return two_view::covarianceOf(
+        *motion, *cameras,
+        plane.answer.covariance +
+            two_view::sharedCovariance(pairs, plane.answer.homography, options.shared_error));
+  }
+  Epipolar geometry = normalised.fromMotion(pose);
+  if (fit.minimise(geometry)) {
+    const auto covariance =
+        fit.covariance(geometry, cellOf(pairs, input), options.shared_error * normalised.scale());
+    if (covariance.allFinite() &&
+        covariance.topLeftCorner<3, 3>().trace() < kMostTurn * kMostTurn &&
+        covariance.bottomRightCorner<2, 2>().trace() < kMostAcross * kMostAcross) {
+      return two_view::poseCovariance(covariance, pose.translation);
+    }
+  }
+  return Covariance6::Constant(kNaN);
+}
+
+/// Sets the likeliest motion and another one that is not excluded, and lets the covariance span all
+/// of these. False where the pairs do not determine the likeliest.
+bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
+                                        TwoView& result) {
+  constexpr double kExcluded = 1e-3;
+  constexpr double kLeast = 0.1;   // weight in the covariance: a probability is not known better
+  constexpr double kApart = 25.0;  // squared deviations; nearer ones belong to the same motion
+  const auto& list = hypotheses.list();
+  const RelativePose& best = list.front().geometry.motion;
+  const Covariance6 own = covarianceOf(best, pairs, input);
+  if (!own.allFinite()) return false;
+  result.geometry = planar(best) != nullptr ? Geometry::plane : Geometry::epipolar;
+  result.scale = planar(best) != nullptr ? 0.0 : fit.scale() / normalised.scale();
+  result.pose = best;
+  result.pose_covariance = own;
+  result.fundamental = cameras->fundamentalOf(best).normalized();
+  result.probability = 1.0;
+  const Eigen::Matrix<double, 6, 6> inverse =
+      Eigen::Matrix<double, 6, 6>(own).completeOrthogonalDecomposition().pseudoInverse();
+  for (std::size_t i = 1; i < list.size(); ++i) {
+    const double probability = list[i].probability;
+    const RelativePose& pose = list[i].geometry.motion;
+    const Eigen::Matrix<double, 6, 1> step = two_view::stepBetween(best, pose);
+    if (!(probability > kExcluded) || step.dot(inverse * step) < kApart) continue;
+    result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
+    if (result.other) continue;
+    result.probability = list.front().probability / (list.front().probability + probability);
+    result.other = OtherMotion{planar(pose) != nullptr ? Geometry::plane : Geometry::epipolar, pose,
+                               covarianceOf(pose, pairs, input), 1.0 - result.probability};
+  }
+  return true;
+}
+
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
   result.status = Status::ok;
   result.geometry = Geometry::rotation;
-  result.homography = cameras->homographyOf(rotation);
+  result.homography = cameras->homographyOf(turn.rotation());
   homography::scaleLastToOne(result.homography);
   two_view::label(pairs, cameras, options.max_error, result);
-  result.pose.rotation = rotation;
-  result.pose_covariance.setZero();
-  result.pose_covariance.bottomRightCorner<3, 3>() = rotation_covariance;
+  result.pose.rotation = turn.rotation();
+  result.pose_covariance = turnCovariance();
   result.parallax = 0.0;
 }
 
-void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, TwoView& result) {
+void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, const TwoViewInput& input,
+                                      TwoView& result) {
   result.status = Status::ok;
   result.geometry = Geometry::plane;
   result.homography = plane.answer.homography;
   two_view::label(pairs, cameras, options.max_error, result);
-  if (!cameras) return;
-  two_view::setPlaneMotion(pairs, *cameras, plane.answer.covariance, options.max_error, result);
-  if (!result.fundamental.isZero(0.0)) {
-    result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
-  }
+  if (!cameras || hypotheses.list().empty()) return;
+  planes = two_view::planarMotions(pairs, result.mask, *cameras, result.homography);
+  if (planes.empty()) return;
+  std::vector<RelativePose> poses;
+  for (const two_view::PlanarMotion& motion : planes) poses.push_back(motion.pose());
+  hypotheses.prefer(poses);
+  if (!setMotions(pairs, input, result)) return;
+  two_view::label(pairs, cameras, options.max_error, result);
+  result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
+  if (result.other) result.doubt = Doubt::two_motions_of_a_plane;
+}
+
+/// Takes the answer back; how the models did stays.
+void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
+  result.status = Status::model_rejected;
+  result.doubt = doubt;
+  result.geometry = Geometry::none;
+  result.fundamental.setZero();
+  result.pose = {};
+  result.pose_covariance.setConstant(kNaN);
+  result.parallax = kNaN;
+  result.probability = result.rmse = result.scale = 0.0;
+  result.other.reset();
+  std::fill(result.mask.begin(), result.mask.end(), std::uint8_t(0));
+  result.inliers = 0;
 }
 
 /// False where the inliers do not determine the geometry.
 bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                          TwoView& result) {
-  constexpr double kMostTurn = 0.1;    // rad, standard deviation
-  constexpr double kMostAcross = 0.7;  // rad, of the direction of the translation
-  const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
-  const double cell =
-      (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
-  const auto covariance = fit.covariance(epipolar, cell, options.shared_error * normalised.scale());
-  if (!covariance.allFinite()) return false;
   if (cameras) {
-    if (covariance.topLeftCorner<3, 3>().trace() > kMostTurn * kMostTurn ||
-        covariance.bottomRightCorner<2, 2>().trace() > kMostAcross * kMostAcross) {
-      return false;
-    }
-    result.pose = {epipolar.motion.rotation, epipolar.motion.translation};
-    result.pose_covariance = two_view::poseCovariance(covariance, epipolar.motion.translation);
+    if (!setMotions(pairs, input, result)) return false;
+  } else {
+    const double shared = options.shared_error * normalised.scale();
+    if (!fit.covariance(epipolar, cellOf(pairs, input), shared).allFinite()) return false;
+    result.fundamental = normalised.inPixels(epipolar);
+    result.scale = fit.scale() / normalised.scale();
+    result.geometry = Geometry::epipolar;
   }
-  result.fundamental = normalised.inPixels(epipolar);
-  result.scale = fit.scale() / normalised.scale();
   result.status = Status::ok;
-  result.geometry = Geometry::epipolar;
   two_view::label(pairs, cameras, options.max_error, result);
-  if (cameras) result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
+  if (!cameras) return true;
+  result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
+  if (result.other) result.doubt = doubtOf(result);
+  if (movesInOneRegion(pairs, result)) doubtTheTravel(result);
   return true;
+}
+
+/// Why another motion is as likely, for a scene with depth.
+Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
+  constexpr double kSmallParallax = 1.0;  // degrees; ORB-SLAM starts no map below it
+  if (result.parallax < kSmallParallax) return Doubt::small_parallax;
+  return 2 * plane.inliers > result.inliers && has_plane ? Doubt::few_points_off_the_plane
+                                                         : Doubt::other_motion;
 }
 
 TwoViewOptions TwoViewOptions::realCameras() {
