@@ -612,9 +612,8 @@ TEST(TwoView, RefusesAKThatIsNotOne) {
   TwoViewInput enlarged = world.input();
   enlarged.target_size = 2 * enlarged.reference_size;
   enlarged.target_camera.reset();
-  test::expectRefused(
-      [&] { estimateTwoView(world.pairs.reference, world.pairs.target, enlarged); },
-      "so they cannot share a K; expected a K of each");
+  test::expectRefused([&] { estimateTwoView(world.pairs.reference, world.pairs.target, enlarged); },
+                      "so they cannot share a K; expected a K of each");
   TwoViewOptions wrong;
   wrong.max_error = 0.0;
   test::expectRefused([&] { TwoViewEstimator{wrong}; }, "max_error");

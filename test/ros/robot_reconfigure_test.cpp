@@ -125,7 +125,8 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   ASSERT_EQ(statistics.stages.size(), result.stages.size());
   for (std::size_t i = 0; i < result.stages.size(); ++i) {
     EXPECT_EQ(statistics.stages[i].input, result.stages[i].input) << toString(result.stages[i].id);
-    EXPECT_EQ(statistics.stages[i].output, result.stages[i].output) << toString(result.stages[i].id);
+    EXPECT_EQ(statistics.stages[i].output, result.stages[i].output)
+        << toString(result.stages[i].id);
   }
 }
 
