@@ -17,8 +17,8 @@ def read(path):
 
 
 def match(first, second):
-    found = ktgp.match(first, second, preset='photo')
-    print('%s: %d inliers, found by %s' % (found.status, found.inlier_count, found.found_by))
+    found = ktgp.match(first, second)
+    print('%s: %s, %d inliers, found by %s' % (found.status, found.geometry, found.inlier_count, found.found_by))
     for stage in found.stages:
         print('  %(name)-8s %(input)5d -> %(output)5d  %(milliseconds)6.2f ms' % stage)
     if found.status == 'ok':

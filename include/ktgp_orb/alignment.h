@@ -16,11 +16,6 @@ namespace ktgp_orb {
 struct AlignmentOptions {
   bool enabled = true;  ///< false: the homography stays PROSAC's
   int points = 400;     ///< correspondences that are aligned at most, 12..100000
-  /// Inlier threshold of the homography, px, > 0; KtgpMatcher sets it to ProsacOptions::max_error.
-  /// The fit uses aligned points within twice this error, and a scale of their errors of at least a
-  /// third of it. Both hold for images of 640x480 px and grow in proportion to the diagonal of the
-  /// reference image.
-  double max_error = 3.0;
 };
 
 /// Outcome of the alignment.
@@ -73,7 +68,7 @@ struct AlignmentResult {
 /// with any gain and bias. Where H changes the scale by more than 1.5, the smaller image is
 /// compared with the pyramid level of the larger one that is nearest in scale. Then H is estimated
 /// from the aligned points by maximum likelihood, with a scale of the errors of at least a pixel
-/// (see AlignmentOptions::max_error): no scene is exactly a plane, and with a smaller scale the fit
+/// (a third of `max_error`): no scene is exactly a plane, and with a smaller scale the fit
 /// would follow the part of the scene that has most points. The answer is the
 /// aligned H unless the keypoints determine the corners of the image better.
 ///
@@ -82,8 +77,12 @@ struct AlignmentResult {
 /// An instance belongs to one thread at a time; several instances may run side by side.
 class Alignment {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
-  explicit Alignment(const AlignmentOptions& options = {});
+  /// `max_error`: inlier threshold of the homography, px, > 0 (see ProsacOptions). The fit uses
+  /// aligned points within twice this error, and a scale of their errors of at least a third of it.
+  /// Both hold for images of 640x480 px and grow in proportion to the diagonal of the reference
+  /// image. Throws std::invalid_argument naming the option and its range.
+  explicit Alignment(const AlignmentOptions& options = {},
+                     double max_error = ProsacOptions().max_error);
   ~Alignment();
   Alignment(Alignment&&) noexcept;
   Alignment& operator=(Alignment&&) noexcept;

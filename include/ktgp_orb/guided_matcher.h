@@ -15,10 +15,6 @@ struct GuidedOptions {
   bool enabled = false;   ///< false: GuidedMatcher finds nothing; not in the paper
   double radius = 5.0;    ///< largest distance from the position that H predicts, px, 0.1..100
   int max_distance = 90;  ///< largest Hamming distance of the descriptors, 0..256
-  /// Matches that are close together count like one in the estimate. So the part of the scene with
-  /// most matches, which may not be quite in the plane of the rest, does not decide alone.
-  /// KtgpMatcher sets it with GrowthOptions::enabled.
-  bool by_cell = false;
 };
 
 /// Matches keypoints again near the positions that a homography predicts. The right keypoint need
@@ -44,9 +40,11 @@ class GuidedMatcher {
 
   /// One round after a homography was found: matches as above and estimates again from all these
   /// matches. The new estimate replaces `estimate` only when at least as many matches agree with it
-  /// (`threshold`, px; half as many with GuidedOptions::by_cell) and it can be the view of a plane;
-  /// returns whether. `matches`: all matches found, also those that disagree with the estimate.
-  bool refine(const Features& reference, const Features& target, double threshold,
+  /// (`threshold`, px; half as many with `by_cell`) and it can be the view of a plane; returns
+  /// whether. `by_cell`: matches that are close together count like one in the estimate, so that
+  /// the part of the scene with most matches, which may not be quite in the plane of the rest, does
+  /// not decide alone. `matches`: all matches found, also those that disagree with the estimate.
+  bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 
  private:

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <string_view>
 #include <vector>
 
 #include "ktgp_orb/alignment.h"
@@ -42,9 +41,7 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
   GeometryModel geometry = GeometryModel::homography;
-  /// Of the two-view geometry, unless `geometry` is homography. What `prosac`, `alignment` and
-  /// `geometry` have, too, is taken from these.
-  TwoViewOptions two_view;
+  double shared_error = 0.0;  ///< px, of the two-view geometry: see TwoViewOptions
 
   /// The paper's chain with alignment: the defaults.
   static MatcherOptions ktgp() { return {}; }
@@ -56,10 +53,16 @@ struct MatcherOptions {
   static MatcherOptions slam();
 };
 
+/// The stages, in the order in which MatchResult::stages lists them.
+enum class StageId : std::uint8_t { knn, tf, gms, prosac, growth, guided, align, two_view };
+
+/// The enumerator's own name, e.g. "two_view".
+const char* toString(StageId stage);
+
 /// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
 /// the next one.
 struct StageResult {
-  const char* name = "";
+  StageId id = StageId::knn;
   std::size_t input = 0;  ///< knn: target features; others: correspondences
   /// Correspondences left; guided: including those it added; growth: its own; align: aligned;
   /// two_view: those that agree with the geometry.
@@ -74,11 +77,12 @@ enum class Search : std::uint8_t {
   fell_back = 2,  ///< first near, without success; then in the whole image
 };
 
-/// Which stage found the homography.
+/// Which stage found the geometry.
 enum class FoundBy : std::uint8_t {
-  none = 0,    ///< there is none
-  prosac = 1,  ///< the matches of level ktg
-  growth = 2,  ///< grown from single matches after PROSAC had found none (HomographyGrowth)
+  none = 0,      ///< there is none
+  prosac = 1,    ///< the matches of level ktg
+  growth = 2,    ///< grown from single matches after PROSAC had found none (HomographyGrowth)
+  two_view = 3,  ///< the two-view geometry (TwoViewMatcher)
 };
 
 /// The enumerator's own name, e.g. "prosac".
@@ -96,7 +100,8 @@ struct MatchHints {
   /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
   /// K of images without distortion, px, for the two-view geometry; empty: not known, and there is
-  /// no motion. The target's: empty where it is the reference's.
+  /// no motion. The target's: empty where it is the reference's, whose image then has the same
+  /// size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;
   /// Of raw images: see TwoViewInput.
@@ -108,7 +113,12 @@ struct MatchHints {
 
 /// The result for one pair of frames. Reused from call to call for its buffers.
 struct MatchResult {
+  /// ok: `geometry` was found, and it is one that MatcherOptions::geometry asks for.
   Status status = Status::no_reference;
+  /// The same for the homography alone: model_rejected where the geometry is epipolar.
+  Status homographyStatus() const {
+    return geometry == Geometry::epipolar ? Status::model_rejected : status;
+  }
   DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the descriptors
   Search search = Search::whole;                    ///< KtgpMatcher never sets fell_back
   FoundBy found_by = FoundBy::none;
@@ -118,24 +128,22 @@ struct MatchResult {
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
   /// knn, tf, gms, prosac: always these four. Then growth, guided, align, two_view: those that are
   /// on.
-  std::vector<StageResult> stages{{"knn"}, {"tf"}, {"gms"}, {"prosac"}};
-  /// The one with this name; null: it is off.
-  const StageResult* stage(std::string_view name) const;
+  std::vector<StageResult> stages{{StageId::knn}, {StageId::tf}, {StageId::gms}, {StageId::prosac}};
+  /// Null: this stage is off.
+  const StageResult* stage(StageId id) const;
   GrowthResult growth;  ///< has no seeds where growth was not needed
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
 
   /// What explains the matches. Plane and rotation have `answer`, too. Epipolar: there is no
-  /// homography for all (`status` is model_rejected, and `answer` zero), `two_view` has the
-  /// geometry, and levels, `inliers` and `rmse` belong to it (rmse: of Sampson distances).
+  /// homography for all (`answer` is zero), `two_view` has the geometry, and levels, `inliers` and
+  /// `rmse` belong to it (rmse: of Sampson distances).
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
-  /// Status::ok where any geometry was found, else `status`.
-  Status found() const { return geometry != Geometry::none ? Status::ok : status; }
 
   /// PROSAC's homography, or the grown one, or what guided matching and alignment made of it; zero
-  /// unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
+  /// unless homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` belong
   /// to this homography: a correspondence that passed GMS has Level::ktgp exactly when its
   /// reprojection error is below ProsacOptions::max_error. What PROSAC itself found is in `prosac`
   /// and `stages`.

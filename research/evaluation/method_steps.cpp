@@ -192,11 +192,11 @@ Step homography(const std::string& estimator, const ProsacOptions& options) {
           }};
 }
 
-Step align(const AlignmentOptions& options) {
-  auto alignment = std::make_shared<Alignment>(options);
+Step align(const MatcherOptions& options) {
+  auto alignment = std::make_shared<Alignment>(options.alignment, options.prosac.max_error);
   auto result = std::make_shared<AlignmentResult>();
-  return {"align",
-          [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
+  return {"align", [alignment, result, max_error = options.prosac.max_error](const Scene& scene,
+                                                                             Matching& m) {
             if (!m.answer) return;
             UncertainHomography start{m.answer->homography, m.answer->covariance};
             // Without an estimate, assumes a deviation of 1 for every entry.

@@ -80,7 +80,7 @@ Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 Step homography(const std::string& estimator, const ProsacOptions& options);
 /// Aligns matches by the images and corrects the homography. Keeps the matches used for it that
 /// agree with the corrected homography; changes nothing if the alignment fails.
-Step align(const AlignmentOptions& options);
+Step align(const MatcherOptions& options);
 
 // Whole methods.
 /// Options that keep the images, which the alignment needs; keeping them takes no time.

@@ -45,8 +45,6 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline, const std::strin
   motion.enabled = true;  // the method's name decides about GMS
   GmsOptions rotating = motion;
   rotating.rotation = rotating.scale = true;
-  AlignmentOptions alignment = options.alignment;
-  alignment.max_error = options.prosac.max_error;
   const double t_w = options.ratio_threshold.value_or(ratioThreshold(pipeline.orb.descriptor));
   const auto knn = [&] { return nearest(options.knn); };
   const auto both_ways = [&] { return bidirectional(options.knn); };
@@ -70,7 +68,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline, const std::strin
        {knn(), ratio(t_w), gms(motion), model("prosac")}},
       {"KTGP+ALIGN",
        "KTGP, sub-pixel alignment",
-       {knn(), ratio(t_w), gms(motion), model("prosac"), align(alignment)}},
+       {knn(), ratio(t_w), gms(motion), model("prosac"), align(options)}},
       {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
       {"KTGP-RS",
        "KTGP with rotation and scale",
@@ -80,7 +78,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline, const std::strin
        {mutualNearest(options.knn), model("prosac")}},
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
-       {mutualNearest(options.knn), model("prosac"), align(alignment)}},
+       {mutualNearest(options.knn), model("prosac"), align(options)}},
       {"ROBUST",
        "the preset: MUTUAL, growth where PROSAC finds nothing, a guided round, alignment",
        {matcher(robust(options))}},

@@ -32,7 +32,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
   frame.milliseconds = util::millisecondsSince(start);
   frame.time = stamp - first_stamp_;
   frame.keypoints = match.frame->features.size();
-  frame.status = match.match.status;
+  frame.status = match.match.homographyStatus();
   if (match.reference) {
     for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
     frame.inlier_ratio = evaluation::retention(frame.matches[3], frame.matches[1]);
@@ -68,7 +68,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
                                         const std::optional<Eigen::Matrix3d>& truth,
                                         FrameScore& frame) {
   const cv::Size size = match.frame->features.image_size;
-  const bool found = match.match.status == Status::ok;
+  const bool found = match.match.homographyStatus() == Status::ok;
   if (truth && found) {
     frame.corner_error = evaluation::cornerError(match.match.answer.homography, *truth, size);
   }

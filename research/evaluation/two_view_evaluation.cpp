@@ -229,7 +229,7 @@ Run ours(const MatcherOptions& options) {
     const auto start = Clock::now();
     matcher->match(scene.reference, scene.target, hints, *result);
     score.milliseconds = millisecondsSince(start);
-    score.estimation_milliseconds = result->stage("two_view")->milliseconds;
+    score.estimation_milliseconds = result->stage(StageId::two_view)->milliseconds;
     const TwoView& view = result->two_view.view;
     score.error = std::numeric_limits<double>::infinity();
     score.found = view.geometry != Geometry::none;

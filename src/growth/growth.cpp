@@ -1,6 +1,7 @@
 #include "ktgp_orb/growth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
-#include <string_view>
 
 #include "growth/verdict.h"
 #include "homography/transform.h"
@@ -23,14 +22,9 @@ bool hasTwoView(const MatcherOptions& options) {
   return options.geometry != GeometryModel::homography;
 }
 
-AlignmentOptions alignmentOptions(const MatcherOptions& options) {
-  AlignmentOptions alignment = options.alignment;
-  alignment.max_error = options.prosac.max_error;
-  return alignment;
-}
-
 TwoViewOptions twoViewOptions(const MatcherOptions& options) {
-  TwoViewOptions two_view = options.two_view;
+  TwoViewOptions two_view;
+  two_view.shared_error = options.shared_error;
   two_view.max_error = options.prosac.max_error;
   two_view.max_iterations = options.prosac.max_iterations;
   two_view.confidence = options.prosac.confidence;
@@ -38,13 +32,6 @@ TwoViewOptions twoViewOptions(const MatcherOptions& options) {
   two_view.homography = options.geometry != GeometryModel::epipolar;
   two_view.alignment = options.alignment.enabled;
   return two_view;
-}
-
-/// Growth is for hard pairs, and their scenes are rarely flat: weight the cells equally.
-GuidedOptions guidedOptions(const MatcherOptions& options) {
-  GuidedOptions guided = options.guided;
-  guided.by_cell |= options.growth.enabled;
-  return guided;
 }
 
 void clearTwoView(MatchResult& result) {
@@ -84,8 +71,8 @@ class Chain {
         gms_(given.gms),
         prosac_(given.prosac),
         growth_(given.growth),
-        guided_(guidedOptions(given)),
-        alignment_(alignmentOptions(given)),
+        guided_(given.guided),
+        alignment_(given.alignment, given.prosac.max_error),
         two_view_(twoViewOptions(given)) {}
 
   /// Lists the stages that are on; none of them has run.
@@ -107,7 +94,7 @@ class Chain {
     bool haveEnough() const { return reference.size() >= 2 && !target.empty(); }
   };
   struct Stage {
-    const char* name;
+    StageId id;
     bool (*is_on)(const MatcherOptions& options);
     /// Sets input and output of `stage`. False: this pair has no need of it.
     bool (Chain::*run)(Context& context, StageResult& stage);
@@ -147,27 +134,25 @@ bool always(const MatcherOptions& /*options*/) {
 }
 
 const Chain::Stage Chain::kStages[] = {
-    {"knn", always, &Chain::runKnn},
-    {"tf", always, &Chain::runRatio},
-    {"gms", always, &Chain::runGms},
-    {"two_view", hasTwoView, &Chain::runTwoView},
-    {"prosac", always, &Chain::runProsac},
-    {"growth", [](const MatcherOptions& o) { return o.growth.enabled; }, &Chain::runGrowth},
-    {"guided", [](const MatcherOptions& o) { return o.guided.enabled; }, &Chain::runGuided},
-    {"align", [](const MatcherOptions& o) { return o.alignment.enabled; }, &Chain::runAlignment},
+    {StageId::knn, always, &Chain::runKnn},
+    {StageId::tf, always, &Chain::runRatio},
+    {StageId::gms, always, &Chain::runGms},
+    {StageId::two_view, hasTwoView, &Chain::runTwoView},
+    {StageId::prosac, always, &Chain::runProsac},
+    {StageId::growth, [](const MatcherOptions& o) { return o.growth.enabled; }, &Chain::runGrowth},
+    {StageId::guided, [](const MatcherOptions& o) { return o.guided.enabled; }, &Chain::runGuided},
+    {StageId::align, [](const MatcherOptions& o) { return o.alignment.enabled; },
+     &Chain::runAlignment},
 };
 
 void Chain::nameStages(const MatcherOptions& options, MatchResult& result) {
   auto& stages = result.stages;
   stages.clear();
   for (const Stage& stage : kStages) {
-    if (stage.is_on(options)) stages.push_back({stage.name});
+    if (stage.is_on(options)) stages.push_back({stage.id});
   }
-  // Readers know the paper's four by their places, so the two-view geometry comes last.
-  const auto two_view = std::find_if(stages.begin(), stages.end(), [](const StageResult& stage) {
-    return stage.name == std::string_view("two_view");
-  });
-  if (two_view != stages.end()) std::rotate(two_view, two_view + 1, stages.end());
+  std::sort(stages.begin(), stages.end(),
+            [](const StageResult& a, const StageResult& b) { return a.id < b.id; });
 }
 
 void Chain::run(const Features& reference, const Features& target, const MatchHints& hints,
@@ -179,20 +164,17 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   for (const Stage& stage : kStages) {
     if (!stage.is_on(options)) continue;
     const auto start = std::chrono::steady_clock::now();
-    StageResult done{stage.name};
-    if ((this->*stage.run)(context, done)) done.milliseconds = util::millisecondsSince(start);
-    for (StageResult& listed : result.stages) {
-      if (listed.name == std::string_view(stage.name)) listed = done;
-    }
+    StageResult& listed = *std::find_if(result.stages.begin(), result.stages.end(),
+                                        [&](const StageResult& s) { return s.id == stage.id; });
+    if ((this->*stage.run)(context, listed)) listed.milliseconds = util::millisecondsSince(start);
   }
   if (!context.wants_homography) return;
-  TwoView& view = result.two_view.view;
   if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
     clearTwoView(result);
     return;
   }
-  result.geometry = view.geometry == Geometry::rotation ? Geometry::rotation : Geometry::plane;
-  view.geometry = result.geometry;
+  const bool turned = result.two_view.view.geometry == Geometry::rotation;
+  result.geometry = turned ? Geometry::rotation : Geometry::plane;
 }
 
 /// `output`: target features with a neighbour.
@@ -218,7 +200,7 @@ bool Chain::runKnn(Context& context, StageResult& stage) {
 
 bool Chain::runRatio(Context& context, StageResult& stage) {
   const double usual = ratioThreshold(context.target.descriptor);
-  stage.input = context.result.stage("knn")->output;
+  stage.input = context.result.stage(StageId::knn)->output;
   stage.output = filterByRatio(options.ratio_threshold.value_or(usual),
                                context.result.correspondences, options.mutual);
   return true;
@@ -226,7 +208,7 @@ bool Chain::runRatio(Context& context, StageResult& stage) {
 
 bool Chain::runGms(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
-  stage.input = result.stage("tf")->output;
+  stage.input = result.stage(StageId::tf)->output;
   result.gms = gms_.filter(context.reference, context.target, result.correspondences);
   stage.output = result.gms.kept;
   return true;
@@ -253,7 +235,7 @@ bool Chain::runTwoView(Context& context, StageResult& stage) {
   result.status = context.haveEnough() ? found.view.status : Status::too_few_features;
   if (!epipolar) return true;
   result.geometry = Geometry::epipolar;
-  result.status = Status::model_rejected;
+  result.found_by = FoundBy::two_view;
   result.inliers = found.view.inliers;
   result.rmse = found.view.rmse;
   for (std::size_t i = 0; i < result.correspondences.size(); ++i) {
@@ -330,11 +312,11 @@ bool Chain::runGrowth(Context& context, StageResult& stage) {
 
 bool Chain::runGuided(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
-  if (result.status != Status::ok) return false;
+  if (result.homographyStatus() != Status::ok) return false;
   stage.input = result.inliers;
   UncertainHomography candidate = result.answer;
-  guided_.refine(context.reference, context.target, options.prosac.max_error, candidate,
-                 guided_matches_);
+  guided_.refine(context.reference, context.target, options.prosac.max_error,
+                 options.growth.enabled, candidate, guided_matches_);
   adopt(candidate, context);
   stage.output = result.inliers;
   return true;
@@ -342,7 +324,7 @@ bool Chain::runGuided(Context& context, StageResult& stage) {
 
 bool Chain::runAlignment(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
-  if (result.status != Status::ok) return false;
+  if (result.homographyStatus() != Status::ok) return false;
   result.surviving(Level::ktgp, matches_);
   matches_.insert(matches_.end(), result.guided.begin(), result.guided.end());
   AlignmentResult& aligned = result.alignment;
@@ -417,12 +399,17 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
 }
 
 const char* toString(FoundBy found_by) {
-  return util::nameOf<FoundBy::growth>(found_by, {"none", "prosac", "growth"});
+  return util::nameOf<FoundBy::two_view>(found_by, {"none", "prosac", "growth", "two_view"});
 }
 
-const StageResult* MatchResult::stage(std::string_view name) const {
+const char* toString(StageId stage) {
+  return util::nameOf<StageId::two_view>(
+      stage, {"knn", "tf", "gms", "prosac", "growth", "guided", "align", "two_view"});
+}
+
+const StageResult* MatchResult::stage(StageId id) const {
   for (const StageResult& one : stages) {
-    if (one.name == name) return &one;
+    if (one.id == id) return &one;
   }
   return nullptr;
 }
@@ -458,7 +445,7 @@ MatcherOptions MatcherOptions::slam() {
   options.ratio_threshold = 1.0;
   options.gms.enabled = false;
   options.geometry = GeometryModel::automatic;
-  options.two_view = TwoViewOptions::realCameras();
+  options.shared_error = TwoViewOptions::realCameras().shared_error;
   return options;
 }
 

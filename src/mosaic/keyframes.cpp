@@ -66,7 +66,7 @@ std::optional<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     MatchHints hints;
     if (chained) hints.prediction = guess / guess(2, 2);
     matcher_.match(keyframe->features, features, hints, result_);
-    if (result_.status != Status::ok || result_.inliers < kLeastInliers) continue;
+    if (result_.homographyStatus() != Status::ok || result_.inliers < kLeastInliers) continue;
     constexpr double kFrames = 20.0;  // length of the running mean
     plane_deviation_ += (result_.answer.plane_deviation - plane_deviation_) / kFrames;
     return Eigen::Matrix3d(result_.answer.homography * keyframe->from_map);

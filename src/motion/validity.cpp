@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "util/camera_check.h"
 #include "util/names.h"
 
 namespace ktgp_orb {
@@ -81,10 +82,7 @@ void requireValid(const GroundFrame& frame) {
   requireUsable("the height", frame.height);
   requireUsable("the normal", frame.down);
   requireUsable("the rotation", frame.turn);
-  if (!(frame.camera(0, 0) > 0.0 && frame.camera(1, 1) > 0.0) || !frame.camera.allFinite()) {
-    throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
-                                std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
-  }
+  util::requireK("the camera matrix", frame.camera, frame.size);
   if (!frame.answer) return;
   if (frame.reference_stamp == frame.stamp) {
     throw std::invalid_argument(

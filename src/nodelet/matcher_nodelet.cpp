@@ -241,16 +241,16 @@ void MatcherNodelet::beforeReport() {
   remembers_reference_ = holds;
 
   const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
-  const auto found = static_cast<double>(diagnosis_.recent("homographies"));
+  const auto found = static_cast<double>(diagnosis_.recent("geometries"));
+  const std::string what = facts_.finds_geometries ? "geometries" : "homographies";
   const bool is_rare = frames > 0.0 && found < kMinShare * frames;
   const std::string size = noteOnSize(facts_.longer_side);
-  diagnosis_.setProblem(
-      "homographies",
-      !is_rare ? ""
-               : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
-                     toString(facts_.last_failure) + (size.empty() ? "" : "; " + size));
-  diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
-  diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));
+  diagnosis_.setProblem("homographies", !is_rare ? ""
+                                                 : (found == 0.0 ? "no " : "few ") + what +
+                                                       " found: " + toString(facts_.last_failure) +
+                                                       (size.empty() ? "" : "; " + size));
+  diagnosis_.setState(frames == 0.0 ? "nothing to match" : what + " found");
+  diagnosis_.setValue("share with geometry", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }
 
 void MatcherNodelet::setReference() {

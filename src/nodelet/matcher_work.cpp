@@ -64,14 +64,16 @@ void MatcherWork::publish(const MatchedFrame& frame) {
 
 // A robot in front of a wall finds no homography and is not faulty: only a warning.
 void MatcherWork::report(const SequenceMatch& match) {
-  const Status status = match.match.found();
+  const Status status = match.match.status;
   const bool has_reference = status != Status::no_reference;
   const cv::Size& size = match.frame->features.image_size;
   facts_.longer_side = std::max(size.width, size.height);
   without_reference_ = has_reference ? 0 : without_reference_ + 1;
   diagnosis_.count("frames matched", has_reference ? 1 : 0);
   diagnosis_.count("frames without reference", has_reference ? 0 : 1);
-  diagnosis_.count("homographies", status == Status::ok ? 1 : 0);
+  const Status homography = match.match.homographyStatus();
+  diagnosis_.count("geometries", status == Status::ok ? 1 : 0);
+  diagnosis_.count("homographies", homography == Status::ok ? 1 : 0);
   diagnosis_.count("inliers", match.match.inliers);
   // Every sequence begins with one frame without a reference.
   diagnosis_.setProblem("reference",
@@ -85,6 +87,13 @@ void MatcherWork::report(const SequenceMatch& match) {
   if (!has_reference)
     diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
   diagnosis_.setValue("last status", toString(status));
+  diagnosis_.setValue("last geometry", toString(match.match.geometry));
+  facts_.finds_geometries = match.match.stage(StageId::two_view) != nullptr;
+  if (facts_.finds_geometries) {
+    const TwoView& view = match.match.two_view.view;
+    diagnosis_.setValue("last parallax", util::format("%.2f degrees", view.parallax));
+    diagnosis_.setValue("last doubt", toString(view.doubt));
+  }
   if (has_reference && status != Status::ok) facts_.last_failure = status;
 }
 

@@ -75,7 +75,7 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
 /// part of the canvas.
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
-  if (result.status != Status::ok) return;
+  if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
   if (!homography::keepsPlaneInView(result.answer.homography, corners)) return;
   std::vector<cv::Point> outline;
@@ -188,7 +188,7 @@ cv::Mat toGrey(const cv::Mat& image) {
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
-  if (result.status != Status::ok || reference.image.empty()) return;
+  if (result.homographyStatus() != Status::ok || reference.image.empty()) return;
 
   cv::Mat homography;
   cv::eigen2cv(result.answer.homography, homography);
@@ -215,15 +215,26 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-std::string headline(const MatchResult& result, const cv::Size& reference_size) {
-  const bool epipolar = result.geometry == Geometry::epipolar;
-  std::string text =
-      format("%s  %.1f ms", epipolar ? toString(result.geometry) : toString(result.status),
-             result.milliseconds());
-  if (epipolar && std::isfinite(result.two_view.view.parallax)) {
-    return text + format("  parallax %.1f deg", result.two_view.view.parallax);
+/// What the two-view geometry adds to the headline.
+std::string motionText(const MatchResult& result) {
+  const TwoView& view = result.two_view.view;
+  std::string text;
+  if (view.geometry != Geometry::none && std::isfinite(view.parallax)) {
+    text = format("  parallax %.1f deg", view.parallax);
   }
-  if (result.status != Status::ok) return text;
+  if (view.doubt == Doubt::none) return text;
+  return text + "  doubt: " + toString(view.doubt) +
+         (view.other ? format(" (%.2f)", view.probability) : "");
+}
+
+std::string headline(const MatchResult& result, const cv::Size& reference_size) {
+  const bool two_view = result.stage(StageId::two_view) != nullptr;
+  const bool found = result.status == Status::ok;
+  std::string text =
+      format("%s  %.1f ms", two_view && found ? toString(result.geometry) : toString(result.status),
+             result.milliseconds()) +
+      motionText(result);
+  if (result.homographyStatus() != Status::ok) return text;
   const double deviation =
       homography::cornerDeviation(result.answer.homography, result.answer.covariance,
                                   homography::imageCorners(reference_size, {}))
@@ -250,6 +261,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   for (const Correspondence& c : result.correspondences) {
     ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
   }
+  if (result.status == Status::ok) counts.back() = result.inliers;  // guided ones, too
   const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
 
   const std::string title = headline(result, reference_size);

@@ -43,7 +43,7 @@ SequenceOptions optionsFrom(const Parameters& p) {
 #include "parameters/each_row.def"
 #include "parameters/table.def"
 #include "parameters/table_end.def"
-  matcher.two_view = TwoViewOptions::realCameras();
+  matcher.shared_error = TwoViewOptions::realCameras().shared_error;
   return options;
 }
 
@@ -112,16 +112,17 @@ std::string noteOnSize(int longer_side) {
 
 PipelineOptions pipelineOptions(const Parameters& given) {
   requireValid(given);
-  Parameters parameters = given;
-  if (given.T_w == 0.0) parameters.T_w = ratioThreshold(descriptorFrom(given.descriptor));
+  Parameters parameters = choosesForFixed(given) ? chosenForFixed(given) : given;
+  if (parameters.T_w == 0.0) {
+    parameters.T_w = ratioThreshold(descriptorFrom(parameters.descriptor));
+  }
   const SequenceOptions options = optionsFrom(parameters);
   return {options.orb, options.matcher, parameters};
 }
 
 SequenceOptions sequenceOptions(const Parameters& given) {
-  if (!choosesForFixed(given)) return optionsFrom(pipelineOptions(given).parameters);
-  SequenceOptions options = optionsFrom(pipelineOptions(chosenForFixed(given)).parameters);
-  options.reference.enlarge_below = 150;
+  SequenceOptions options = optionsFrom(pipelineOptions(given).parameters);
+  if (choosesForFixed(given)) options.reference.enlarge_below = 150;
   return options;
 }
 

@@ -13,9 +13,9 @@
 #include "estimation/robust_fit.h"
 #include "estimation/sandwich.h"
 #include "homography/transform.h"
+#include "util/camera_check.h"
 #include "util/constants.h"
 #include "util/geometry.h"
-#include "util/options_check.h"
 #include "util/small_matrix.h"
 
 namespace ktgp_orb {
@@ -242,7 +242,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     throw std::invalid_argument("target width is " + std::to_string(target_width) +
                                 "; expected more than 0 m");
   }
-  util::requireCamera("the camera matrix", camera, {});
+  util::requireK("the camera matrix", camera, {});
   const Eigen::Matrix3d scale = targetFromReference(reference_size, target_width);
   PlanarPoses result;
   const auto starts = startsOf(homography, camera, reference_size, scale);

@@ -51,11 +51,12 @@ py::array_t<Number> view(const std::vector<Number>& values, const py::object& ow
   return out;
 }
 
-/// The same for points, of shape (N, 2).
-inline py::array_t<double> view(const std::vector<Eigen::Vector2d>& points,
-                                const py::object& owner) {
+/// The same for points, of shape (N, 2) or (N, 3).
+template <int Size>
+py::array_t<double> view(const std::vector<Eigen::Matrix<double, Size, 1>>& points,
+                         const py::object& owner) {
   const auto* const numbers = reinterpret_cast<const double*>(points.data());
-  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{2}}, numbers,
+  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{Size}}, numbers,
                           owner);
   out.attr("flags").attr("writeable") = false;
   return out;

@@ -10,12 +10,14 @@
 
 #include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/mosaic.h"
+#include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/stabilizer.h"
 #include "ktgp_orb/target_finder.h"
 #include "ktgp_orb/target_pose.h"
 #include "python/arrays.h"
 #include "python/match.h"
 #include "python/shared.h"
+#include "util/camera_check.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -31,7 +33,7 @@ auto getting(Value (Object::*get)() const) {
 using Homography = std::optional<Eigen::Matrix3d>;
 
 Homography homographyOf(const FrameMatch& frame) {
-  return frame.status == "ok" ? Homography(frame.answer.homography) : std::nullopt;
+  return frame.hasHomography() ? Homography(frame.answer.homography) : std::nullopt;
 }
 
 using Targets = Shared<TargetFinder>;
@@ -51,43 +53,73 @@ std::string addTarget(Targets& targets, const std::string& id, const py::object&
   });
 }
 
-std::vector<DetectedTarget> findTargets(Targets& targets, const py::object& image) {
+/// With its poses, where K is known.
+struct PosedTarget : DetectedTarget {
+  std::vector<PlanarPose> poses;
+};
+
+std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
+                                     const std::optional<Eigen::Matrix3d>& camera) {
   const ImageArray grey = greyImage(image, "image");
-  return targets.use([&](TargetFinder& finder) { return finder.find(grey.pixels).detections; });
+  if (camera) {
+    util::requireK("K", *camera, grey.pixels.size());
+    util::requirePrincipalPoint("K", *camera, grey.pixels.size());
+  }
+  return targets.use([&](TargetFinder& finder) {
+    std::vector<PosedTarget> found;
+    for (const DetectedTarget& target : finder.find(grey.pixels).detections) {
+      found.push_back({target, {}});
+      if (!camera || target.status != Status::ok) continue;
+      found.back().poses =
+          planarPoses(target.homography.homography, target.homography.covariance, *camera,
+                      target.image_size, target.width > 0.0 ? target.width : 1.0)
+              .poses;
+    }
+    return found;
+  });
 }
 
-void defineDetectedTarget(py::module_& module) {
-  py::class_<DetectedTarget>(module, "DetectedTarget", "A flat target in an image.")
-      .def_readonly("id", &DetectedTarget::id)
-      .def_readonly("instance", &DetectedTarget::instance, "From 0; of several copies in an image.")
+void defineTargets(py::module_& module) {
+  py::class_<PlanarPose>(module, "TargetPose", "Where a flat target is in the camera's frame.")
       .def_property_readonly(
-          "status", [](const DetectedTarget& d) { return toString(d.status); },
+          "matrix",
+          [](const PlanarPose& p) { return Eigen::Matrix4d(p.target_to_camera.matrix()); },
+          "(4, 4) float64: target to camera (x right, y down, z forward). The origin of the target "
+          "is its middle; m where its width is known, else widths of the target.")
+      .def_readonly("covariance", &PlanarPose::covariance,
+                    "(6, 6) float64: of x, y, z, and of small rotations about the camera's axes, "
+                    "rad.")
+      .def_readonly("share", &PlanarPose::share, "Probability of this pose, 0 to 1.");
+  py::class_<PosedTarget>(module, "DetectedTarget", "A flat target in an image.")
+      .def_readonly("id", &PosedTarget::id)
+      .def_readonly("instance", &PosedTarget::instance, "From 0; of several copies in an image.")
+      .def_property_readonly(
+          "status", [](const PosedTarget& d) { return toString(d.status); },
           "\"ok\", or \"model_rejected\": another target explains the place better.")
       .def_property_readonly(
           "corners",
-          [](const DetectedTarget& d) {
+          [](const PosedTarget& d) {
             Eigen::Matrix<double, 4, 2, Eigen::RowMajor> corners;
             for (int i = 0; i < 4; ++i) corners.row(i) = d.corners[static_cast<std::size_t>(i)];
             return corners;
           },
           "(4, 2) float64: upper left, upper right, lower right, lower left, px.")
       .def_property_readonly(
-          "homography", [](const DetectedTarget& d) { return d.homography.homography; },
+          "homography", [](const PosedTarget& d) { return d.homography.homography; },
           "(3, 3) float64: image of the target to this image, px.")
       .def_property_readonly(
-          "covariance", [](const DetectedTarget& d) { return d.homography.covariance; },
+          "covariance", [](const PosedTarget& d) { return d.homography.covariance; },
           "(8, 8) float64: see Match.covariance.")
-      .def_readonly("inliers", &DetectedTarget::inliers)
-      .def_readonly("log_false_alarms", &DetectedTarget::log_false_alarms,
+      .def_readonly("inliers", &PosedTarget::inliers)
+      .def_readonly("log_false_alarms", &PosedTarget::log_false_alarms,
                     "log10 of the expected number of false alarms.")
-      .def_readonly("width", &DetectedTarget::width, "As given to add, m.")
-      .def_readonly("ambiguity", &DetectedTarget::ambiguity,
+      .def_readonly("width", &PosedTarget::width, "As given to add, m.")
+      .def_readonly("ambiguity", &PosedTarget::ambiguity,
                     "How it looks like itself in another pose, such as \"turned by 180 degrees\": "
-                    "then this pose is one of several. Empty: it does not.");
-}
-
-void defineTargets(py::module_& module) {
-  defineDetectedTarget(module);
+                    "then this pose is one of several. Empty: it does not.")
+      .def_readonly("poses", &PosedTarget::poses,
+                    "A list of TargetPose, the likeliest first: two where the view is nearly "
+                    "frontal. Empty without K.");
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
@@ -117,15 +149,16 @@ void defineTargets(py::module_& module) {
           py::arg("id"), "False if there is no such target.")
       .def_property_readonly("ids", getting(&TargetFinder::ids),
                              "In the order in which they were added.")
-      .def("find", findTargets, py::arg("image"),
+      .def("find", findTargets, py::arg("image"), py::arg("K") = py::none(),
            "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
-           "are followed.");
+           "are followed.\nK: (3, 3), the camera's matrix in px for images without distortion, for "
+           "the poses. Raises ValueError.");
 }
 
 using SharedPose = Shared<TargetPose>;
 using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, double>;
 
-std::vector<FoundPose> findPoses(SharedPose& shared, const DetectedTarget& target,
+std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
                                  const Eigen::Matrix3d& camera, std::pair<int, int> size,
                                  std::vector<double> distortion, double seconds) {
   LensCalibration calibration;
@@ -146,7 +179,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const DetectedTarget& targe
 }
 
 void defineTargetPose(py::module_& module) {
-  py::class_<SharedPose>(module, "TargetPose",
+  py::class_<SharedPose>(module, "TargetPoses",
                          "Poses of found targets in front of a camera with a lens and a shutter.")
       .def(py::init<double>(), py::arg("readout_time") = -1.0,
            "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
@@ -256,7 +289,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   GroundFrame given;
   given.stamp = frame.stamp;
   given.reference_stamp = frame.reference_stamp;
-  if (frame.status == "ok") given.answer = frame.answer;
+  if (frame.hasHomography()) given.answer = frame.answer;
   given.camera = camera;
   given.size = frame.image_size;
   if (height) {

@@ -1,17 +1,19 @@
 #include "python/match.h"
 
+#include <cmath>
 #include <cstring>
-#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <tuple>
 
 #include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/pair_matcher.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
 #include "python/shared.h"
 #include "two_view/cameras.h"
+#include "two_view/fields.h"
 #include "util/pool.h"
 
 namespace ktgp_orb::python {
@@ -40,13 +42,25 @@ py::list stagesOf(const Match& match) {
   return out;
 }
 
+/// A property of the likeliest motion; None without one.
+template <typename Value>
+auto motionField(Value Motion::*field) {
+  return [field](const Match& match) {
+    return match.motion ? py::cast((*match.motion).*field) : py::object(py::none());
+  };
+}
+
+std::optional<Motion> motionFrom(Geometry geometry, const RelativePose& pose,
+                                 const Covariance6& covariance) {
+  Motion motion{toString(geometry), pose.rotation, pose.translation, std::nullopt};
+  if (covariance.allFinite()) motion.covariance = covariance;
+  return motion;
+}
+
 std::string textOf(const Match& match) {
-  if (match.geometry == "epipolar") {
-    return "<ktgp_orb_core.Match: epipolar, " + std::to_string(match.inlier_count) + " inliers>";
-  }
   if (match.status != "ok") return "<ktgp_orb_core.Match: " + match.status + ">";
-  return "<ktgp_orb_core.Match: ok, " + std::to_string(match.inlier_count) + " inliers, found by " +
-         match.found_by + ">";
+  return "<ktgp_orb_core.Match: ok, " + match.geometry + ", " + std::to_string(match.inlier_count) +
+         " inliers, found by " + match.found_by + ">";
 }
 
 /// Throws std::invalid_argument for a K that nothing would use.
@@ -63,24 +77,27 @@ MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Mat
   return hints;
 }
 
+TwoViewInput inputOf(const MatchHints& hints) {
+  TwoViewInput input;
+  input.reference_camera = hints.reference_camera;
+  input.target_camera = hints.target_camera;
+  return input;
+}
+
 std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
                                    const py::object& preset,
                                    const std::optional<Eigen::Matrix3d>& camera,
                                    const std::optional<Eigen::Matrix3d>& target_camera,
                                    const py::kwargs& changes) {
   const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
+  const bool by_area = py::str(preset).equal(py::str("photo")) && !changes.contains("features");
   const ImageArray first = greyImage(reference, "reference");
   const ImageArray second = greyImage(target, "target");
   const MatchHints hints = hintsOf(options.matcher, camera, target_camera);
   const WithoutGil others_may_run;
-  OrbExtractor extractor(options.orb);
-  KtgpMatcher matcher(options.matcher);
-  Features features[2];
-  extractor.extract(first.pixels, features[0]);
-  extractor.extract(second.pixels, features[1]);
-  MatchResult result;
-  matcher.match(features[0], features[1], hints, result);
-  return std::make_shared<Match>(result, features[0], features[1]);
+  const PairMatch pair =
+      matchPair(first.pixels, second.pixels, {options.orb, options.matcher, by_area}, hints);
+  return std::make_shared<Match>(pair.match, pair.reference, pair.target, inputOf(hints));
 }
 
 /// An extractor that several Python threads may call; one of them works at a time.
@@ -121,7 +138,7 @@ class Matcher {
     return matcher_.use([&](KtgpMatcher& matcher) {
       const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
       matcher.match(reference, target, hints, result_);
-      return std::make_shared<Match>(result_, reference, target);
+      return std::make_shared<Match>(result_, reference, target, inputOf(hints));
     });
   }
 
@@ -132,43 +149,44 @@ class Matcher {
   MatchResult result_;  // result of the call that uses matcher_
 };
 
-using MatchClass = py::class_<Match, std::shared_ptr<Match>>;
-
-/// What belongs to the two-view geometry.
-void defineGeometry(MatchClass& match) {
-  match
-      .def_readonly(
-          "geometry", &Match::geometry,
-          "What explains the matches: \"plane\", \"rotation\", \"epipolar\" (a scene "
-          "with depth) or \"none\". rotation and epipolar need geometry=\"auto\", as in "
-          "preset \"slam\".\nepipolar: there is no homography, and the inliers are those of "
-          "the epipolar geometry.")
-      .def_readonly("rotation", &Match::rotation,
-                    "(3, 3) float64: x_target ~ rotation @ x_reference + translation, between "
-                    "points in the cameras' frames (x right, y down, z forward). None without K.")
-      .def_readonly("translation", &Match::translation,
-                    "(3,) float64, of length 1; 0 where the camera only turned. None without K.")
-      .def_readonly("pose_covariance", &Match::pose_covariance,
-                    "(6, 6) float64: of small changes of the translation, and of small rotations "
-                    "about the target camera's axes, rad. Of rank 5, since the translation has "
-                    "length 1. None where it is not known.")
-      .def_readonly("fundamental", &Match::fundamental,
-                    "(3, 3) float64, of norm 1: x_target^T F x_reference = 0, px. None where there "
-                    "is none.")
-      .def_readonly("parallax", &Match::parallax,
-                    "Median angle between the two rays of an inlier, degrees; NaN without K.");
+void defineMotion(py::module_& module) {
+  py::class_<Motion>(module, "Motion", "A motion of the camera between two images.")
+      .def_readonly("geometry", &Motion::geometry, "As Match.geometry, by this motion.")
+      .def_readonly("rotation", &Motion::rotation, "(3, 3) float64: as Match.rotation.")
+      .def_readonly("translation", &Motion::translation, "(3,) float64: as Match.translation.")
+      .def_readonly("covariance", &Motion::covariance,
+                    "(6, 6) float64, of this motion alone: as Match.pose_covariance; or None.")
+      .def(py::pickle(
+          [](const Motion& m) {
+            return py::make_tuple(m.geometry, m.rotation, m.translation, m.covariance);
+          },
+          [](const py::tuple& state) {
+            return Motion{state[0].cast<std::string>(), state[1].cast<Eigen::Matrix3d>(),
+                          state[2].cast<Eigen::Vector3d>(),
+                          state[3].cast<std::optional<Covariance6>>()};
+          }));
 }
 
 void defineMatch(py::module_& module) {
-  MatchClass match(
+  py::class_<Match, std::shared_ptr<Match>> match(
       module, "Match",
       "The result for two images. Arrays have a row for each correspondence: first those of the "
       "four stages, in "
       "the order of the target's keypoints, then those that guided matching or the growth added.");
-  match.def_readonly("status", &Match::status, "\"ok\", or why there is no homography.")
-      .def_readonly("found_by", &Match::found_by, "\"prosac\", \"growth\" or \"none\".")
-      .def_property_readonly("homography", answerField(&UncertainHomography::homography),
-                             "(3, 3) float64: reference to target, px; zero unless status is ok.")
+  two_view::visitNumbers([&](const two_view::NumberField& field) {
+    match.def_property_readonly(
+        field.name, [name = std::string(field.name)](const Match& m) { return m.numbers.at(name); },
+        field.text);
+  });
+  match
+      .def_readonly("status", &Match::status,
+                    "\"ok\": the geometry that was asked for was found; or why not.")
+      .def_readonly("found_by", &Match::found_by,
+                    "\"prosac\", \"growth\", \"two_view\" or \"none\".")
+      .def_property_readonly(
+          "homography", answerField(&UncertainHomography::homography),
+          "(3, 3) float64: reference to target, px; zero where there is none: status is "
+          "not ok, or geometry is \"epipolar\".")
       .def_property_readonly(
           "covariance", answerField(&UncertainHomography::covariance),
           "(8, 8) float64: of the first eight entries of the homography, row by row, "
@@ -178,11 +196,47 @@ void defineMatch(py::module_& module) {
           "(8, 8) float64: the part of the covariance that many matches cannot average out.")
       .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
                              "How far the scene is from a plane, px; 0: not detectably.")
-      .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
-      .def_readonly("rmse", &Match::rmse,
-                    "Root mean square of the reprojection errors of the inliers, px.");
-  defineGeometry(match);
-  match
+      .def_readonly("inlier_count", &Match::inlier_count,
+                    "Number of matches that agree with the geometry.")
+      .def_readonly(
+          "rmse", &Match::rmse,
+          "Root mean square over the inliers, px, of the reprojection errors; epipolar: of the "
+          "Sampson distances.")
+      .def_readonly(
+          "geometry", &Match::geometry,
+          "What explains the matches: \"plane\", \"rotation\", \"epipolar\" (a scene "
+          "with depth) or \"none\". rotation and epipolar need geometry=\"auto\", as in "
+          "preset \"slam\".\nepipolar: there is no homography, and the inliers are those of "
+          "the epipolar geometry.")
+      .def_property_readonly(
+          "rotation", motionField(&Motion::rotation),
+          "(3, 3) float64: x_target ~ rotation @ x_reference + translation, between "
+          "points in the cameras' frames (x right, y down, z forward). None without K.")
+      .def_property_readonly("translation", motionField(&Motion::translation),
+                             "(3,) float64, of length 1; 0 where the camera only turned. It is the "
+                             "old position seen from the new camera. None without K.")
+      .def_property_readonly(
+          "pose_covariance", motionField(&Motion::covariance),
+          "(6, 6) float64: of small changes of the translation, and of small rotations "
+          "about the target camera's axes, rad. Of rank 5, since the translation has "
+          "length 1; it spans both motions where there is other_motion. None where it is not "
+          "known.")
+      .def_readonly("other_motion", &Match::other,
+                    "Motion: the next likely one, where it is not excluded, or None. Its "
+                    "probability is 1 - probability.")
+      .def_readonly("doubt", &Match::doubt,
+                    "Why other_motion is not excluded, for example \"two_motions_of_a_plane\", or "
+                    "why there is no geometry; \"none\": no doubt.")
+      .def_readonly("fundamental", &Match::fundamental,
+                    "(3, 3) float64, of norm 1: x_target^T F x_reference = 0, px. None where there "
+                    "is none.")
+      .def_property_readonly("points", viewOf(&Match::points),
+                             "(M, 3) float64: points of the scene in the reference camera's frame, "
+                             "in units of the distance between the cameras. Empty without K.")
+      .def_property_readonly("point_deviations", viewOf(&Match::point_deviations),
+                             "(M,) float64: standard deviations of their distances.")
+      .def_property_readonly("point_matches", viewOf(&Match::point_matches),
+                             "(M,) int32: their rows in the arrays of the matches.")
       .def_property_readonly("stages", stagesOf,
                              "A dict for each stage: name, input, output, milliseconds.")
       .def_property_readonly("reference_points", viewOf(&Match::reference_points),
@@ -272,26 +326,29 @@ void defineFeatures(py::module_& module) {
 
 }  // namespace
 
-Match::Match(const MatchResult& result, const Features& reference, const Features& target)
+Match::Match(const MatchResult& result, const Features& reference, const Features& target,
+             const TwoViewInput& input)
     : status(toString(result.status)),
       found_by(toString(result.found_by)),
       answer(result.answer),
       inlier_count(result.inliers),
       rmse(result.rmse),
       geometry(toString(result.geometry)),
-      parallax(std::numeric_limits<double>::quiet_NaN()) {
-  const TwoView& view = result.two_view.view;
-  if (view.geometry != Geometry::none) {
-    parallax = view.parallax;
-    if (!view.fundamental.isZero(0.0)) fundamental = view.fundamental;
-    if (two_view::hasPose(view)) {
-      rotation = view.pose.rotation;
-      translation = view.pose.translation;
-      if (view.pose_covariance.allFinite()) pose_covariance = view.pose_covariance;
+      doubt(toString(result.two_view.view.doubt)) {
+  const TwoView& found = result.two_view.view;
+  two_view::visitNumbers(
+      [&](const two_view::NumberField& field, double value) { numbers[field.name] = value; },
+      found);
+  if (found.geometry == Geometry::none) numbers["parallax"] = std::nan("");
+  if (!found.fundamental.isZero(0.0)) fundamental = found.fundamental;
+  if (found.geometry != Geometry::none && two_view::hasPose(found)) {
+    motion = motionFrom(found.geometry, found.pose, found.pose_covariance);
+    if (found.other) {
+      other = motionFrom(found.other->geometry, found.other->pose, found.other->pose_covariance);
     }
   }
   for (const StageResult& stage : result.stages) {
-    stages.push_back({stage.name, stage.input, stage.output, stage.milliseconds});
+    stages.push_back({toString(stage.id), stage.input, stage.output, stage.milliseconds});
   }
   const auto place = [](const Features& features, std::int32_t index) {
     const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
@@ -312,6 +369,23 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
       distances.push_back(c.distance);
       levels.push_back(static_cast<std::uint8_t>(c.level));
     }
+  }
+  if (input.reference_camera) addPoints(result, input);
+}
+
+void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
+  std::vector<ScenePoint> scene;
+  triangulate(result.two_view.pairs, input, result.two_view.view, scene);
+  // Matches without a neighbour have no row.
+  std::vector<std::int32_t> rows;
+  std::int32_t row = 0;
+  for (const Correspondence& c : result.correspondences) {
+    rows.push_back(c.reference_index < 0 ? -1 : row++);
+  }
+  for (const ScenePoint& point : scene) {
+    points.push_back(point.position);
+    point_deviations.push_back(two_view::distanceDeviation(point));
+    point_matches.push_back(rows[result.two_view.match[point.pair]]);
   }
 }
 
@@ -344,9 +418,9 @@ template <typename AnyMatch>
 auto fieldsOf(AnyMatch& m) {
   return std::tie(m.status, m.found_by, m.answer.homography, m.answer.covariance,
                   m.answer.shared_covariance, m.answer.plane_deviation, m.inlier_count, m.rmse,
-                  m.geometry, m.rotation, m.translation, m.pose_covariance, m.fundamental,
-                  m.parallax, m.reference_points, m.target_points, m.reference_indices,
-                  m.target_indices, m.distances, m.levels);
+                  m.geometry, m.doubt, m.motion, m.other, m.fundamental, m.numbers, m.points,
+                  m.point_deviations, m.point_matches, m.reference_points, m.target_points,
+                  m.reference_indices, m.target_indices, m.distances, m.levels);
 }
 
 }  // namespace
@@ -369,6 +443,7 @@ void restore(const py::tuple& state, Match& match) {
 
 void definePairs(py::module_& module) {
   defineFeatures(module);
+  defineMotion(module);
   defineMatch(module);
   py::class_<Extractor> extractor(module, "Extractor",
                                   "Finds keypoints and descriptors. Threads may share an object.");
@@ -390,10 +465,11 @@ void definePairs(py::module_& module) {
               "reference, target: Features. K: as in match(). Returns Match. Raises ValueError for "
               "descriptors of two kinds.");
   module.def(
-      "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
+      "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "photo",
       py::arg("K") = py::none(), py::arg("target_K") = py::none(),
       "Matches two images: (height, width) of uint8 or uint16, or (height, width, 3 or 4) in the "
-      "order blue, green, red, alpha.\n\npreset: \"ktgp\", \"photo\", \"robust\", \"slam\", "
+      "order blue, green, red, alpha.\n\npreset: \"photo\" finds most, as ktgp_match does; "
+      "\"ktgp\", \"robust\", \"slam\", "
       "\"teblid\" or \"video\"; keywords are the parameters of doc/parameters.md,\ne.g. T_w=0.8. "
       "K: (3, 3), the camera's matrix in px for images without distortion; with preset \"slam\" it "
       "gives the camera's motion.\ntarget_K: that of the target where it differs. Returns Match. "

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <map>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -17,6 +18,14 @@
 namespace ktgp_orb::python {
 
 namespace py = pybind11;
+
+/// A motion of the camera.
+struct Motion {
+  std::string geometry;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+  std::optional<Covariance6> covariance;
+};
 
 /// The result for a pair of images, with the arrays that Python sees: a row for each correspondence
 /// of the four stages, then for each one that guided matching or the growth added.
@@ -29,8 +38,13 @@ struct Match {
   };
 
   Match() = default;
-  /// Copies from `result`, and the positions from the features.
-  Match(const MatchResult& result, const Features& reference, const Features& target);
+  /// Copies from `result`, and the positions from the features. `input`: the K that the points of
+  /// the scene need.
+  Match(const MatchResult& result, const Features& reference, const Features& target,
+        const TwoViewInput& input = {});
+
+  /// Not for a scene with depth.
+  bool hasHomography() const { return status == "ok" && geometry != "epipolar"; }
 
   std::string status;
   std::string found_by;
@@ -38,11 +52,14 @@ struct Match {
   std::size_t inlier_count = 0;
   double rmse = 0.0;
   std::string geometry;
-  std::optional<Eigen::Matrix3d> rotation;
-  std::optional<Eigen::Vector3d> translation;
-  std::optional<Covariance6> pose_covariance;
+  std::string doubt;
+  std::optional<Motion> motion;
+  std::optional<Motion> other;
   std::optional<Eigen::Matrix3d> fundamental;
-  double parallax = 0.0;
+  std::map<std::string, double> numbers;  ///< of two_view::visitNumbers
+  std::vector<Eigen::Vector3d> points;
+  std::vector<double> point_deviations;
+  std::vector<std::int32_t> point_matches;
   std::vector<Stage> stages;
   std::vector<Eigen::Vector2d> reference_points;
   std::vector<Eigen::Vector2d> target_points;
@@ -50,6 +67,9 @@ struct Match {
   std::vector<std::int32_t> target_indices;
   std::vector<std::int32_t> distances;
   std::vector<std::uint8_t> levels;
+
+ private:
+  void addPoints(const MatchResult& result, const TwoViewInput& input);
 };
 
 /// The result for a frame of a sequence.

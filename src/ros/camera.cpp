@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "ktgp_orb/two_view.h"
+#include "util/camera_check.h"
 #include "util/format.h"
 
 namespace ktgp_orb {
@@ -92,6 +93,9 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   const cv::Matx34d projection(info.P.data());
   calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
   if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
+  // A part of the image (roi) need not contain the principal point, the whole one does.
+  const cv::Size whole(static_cast<int>(info.width), static_cast<int>(info.height));
+  util::requirePrincipalPoint("K of the camera_info", calibration.camera, whole);
   shrink(info, calibration.camera);
   shrink(info, calibration.rectified_camera);
   return std::make_shared<const Lens>(calibration);

@@ -112,7 +112,7 @@ void appendAligned(const AlignmentResult& alignment, std::size_t guided, Corresp
 void append(const StageResult& stage, MatchStatistics& message) {
   message.stages.emplace_back();
   StageStatistics& out = message.stages.back();
-  out.name = stage.name;
+  out.name = toString(stage.id);
   out.input = static_cast<std::uint32_t>(stage.input);
   out.output = static_cast<std::uint32_t>(stage.output);
   out.milliseconds = stage.milliseconds;
@@ -123,9 +123,9 @@ void setStages(const MatchResult& result, MatchStatistics& message) {
   message.alignment_status = static_cast<std::uint8_t>(result.alignment.status);
   message.alignment_rmse_before = result.alignment.rmse_before;
   message.alignment_rmse_after = result.alignment.rmse_after;
-  const StageResult& tf = result.stages[1];
+  const StageResult& tf = *result.stage(StageId::tf);
   message.kt = static_cast<std::uint32_t>(tf.output);
-  message.ktg = static_cast<std::uint32_t>(result.stages[2].output);
+  message.ktg = static_cast<std::uint32_t>(result.stage(StageId::gms)->output);
   message.inliers = static_cast<std::uint32_t>(result.inliers);
   if (tf.input > 0) {
     message.retention = static_cast<double>(tf.output) / static_cast<double>(tf.input);
@@ -177,10 +177,11 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   auto message = boost::make_shared<HomographyStamped>();
   message->header = frame.header;
   if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
-  message->status = static_cast<std::uint8_t>(result.status);
+  message->status = static_cast<std::uint8_t>(result.homographyStatus());
   message->reason = static_cast<std::uint8_t>(match.no_reference);
+  if (result.geometry == Geometry::epipolar) message->reason = MatchStatus::REASON_NO_PLANE;
   message->rectified = match.frame->lens != nullptr;
-  if (result.status != Status::ok) return message;
+  if (result.homographyStatus() != Status::ok) return message;
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->reprojection_rmse = result.rmse;
   copyAnswer(result.answer, *message);
@@ -212,6 +213,7 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
   message->skipped_frames = frame.skipped;
   message->refused_frames = frame.refused;
   message->status = static_cast<std::uint8_t>(match.match.status);
+  message->geometry = static_cast<std::uint8_t>(match.match.geometry);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->reference_changed = match.reference_changed;
   message->search = static_cast<std::uint8_t>(match.match.search);

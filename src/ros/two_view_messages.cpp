@@ -5,12 +5,13 @@
 
 #include <Eigen/Geometry>
 #include <boost/make_shared.hpp>
-#include <cmath>
 #include <vector>
 
+#include "ros/answer_message.h"
 #include "ros/message_conversion.h"
 #include "ros/pose_message.h"
 #include "two_view/cameras.h"
+#include "two_view/fields.h"
 
 namespace ktgp_orb {
 namespace {
@@ -19,6 +20,17 @@ static_assert(int(Geometry::none) == TwoViewGeometry::GEOMETRY_NONE, "");
 static_assert(int(Geometry::plane) == TwoViewGeometry::GEOMETRY_PLANE, "");
 static_assert(int(Geometry::rotation) == TwoViewGeometry::GEOMETRY_ROTATION, "");
 static_assert(int(Geometry::epipolar) == TwoViewGeometry::GEOMETRY_EPIPOLAR, "");
+static_assert(int(Doubt::two_motions_of_a_plane) == TwoViewGeometry::DOUBT_TWO_MOTIONS_OF_A_PLANE,
+              "");
+static_assert(int(Doubt::few_points_off_the_plane) ==
+                  TwoViewGeometry::DOUBT_FEW_POINTS_OFF_THE_PLANE,
+              "");
+static_assert(int(Doubt::small_parallax) == TwoViewGeometry::DOUBT_SMALL_PARALLAX, "");
+static_assert(int(Doubt::repetitive) == TwoViewGeometry::DOUBT_REPETITIVE, "");
+static_assert(int(Doubt::moving_region) == TwoViewGeometry::DOUBT_MOVING_REGION, "");
+static_assert(int(Doubt::mirrored) == TwoViewGeometry::DOUBT_MIRRORED, "");
+static_assert(int(Doubt::other_motion) == TwoViewGeometry::DOUBT_OTHER_MOTION, "");
+static_assert(int(Doubt::undetermined) == TwoViewGeometry::DOUBT_UNDETERMINED, "");
 
 Pose3 toPose(const RelativePose& pose) {
   Pose3 out = Pose3::Identity();
@@ -31,10 +43,9 @@ void setPose(const TwoView& view, TwoViewGeometry& message) {
   if (!two_view::hasPose(view)) return;
   message.has_pose = true;
   message.pose = toMessage(toPose(view.pose), view.pose_covariance);
-  message.parallax = view.parallax;
   if (!view.other) return;
-  message.other_pose.push_back(
-      toMessage(toPose(view.other->pose), view.other->pose_covariance).pose);
+  message.other_pose.push_back(toMessage(toPose(view.other->pose), view.other->pose_covariance));
+  message.other_geometry = static_cast<std::uint8_t>(view.other->geometry);
 }
 
 }  // namespace
@@ -42,23 +53,25 @@ void setPose(const TwoView& view, TwoViewGeometry& message) {
 TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
-  if (result.stage("two_view") == nullptr) return nullptr;
+  if (result.stage(StageId::two_view) == nullptr) return nullptr;
   auto message = boost::make_shared<TwoViewGeometry>();
   message->header = frame.header;
   message->pose.pose.orientation.w = 1.0;
   if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
-  message->status = static_cast<std::uint8_t>(result.found());
+  message->status = static_cast<std::uint8_t>(result.status);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->geometry = static_cast<std::uint8_t>(result.geometry);
-  if (result.geometry == Geometry::none) return message;
   const TwoView& view = result.two_view.view;
+  message->doubt = static_cast<std::uint8_t>(view.doubt);
+  if (result.geometry == Geometry::none) return message;
   setPose(view, *message);
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message->fundamental.data()) =
-      view.fundamental;
+  const CopyField copy;
+  copy("fundamental", view.fundamental, message->fundamental);
+  two_view::visitNumbers(
+      [](const two_view::NumberField& /*field*/, double from, double& to) { to = from; }, view,
+      *message);
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->rmse = result.rmse;
-  message->log_false_alarms_homography = view.log_false_alarms_homography;
-  message->log_false_alarms_epipolar = view.log_false_alarms_epipolar;
   return message;
 }
 
@@ -66,7 +79,7 @@ TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
 sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
-  const bool is_on = result.stage("two_view") != nullptr;
+  const bool is_on = result.stage(StageId::two_view) != nullptr;
   if (!is_on || !match.reference || !match.reference->camera || !match.frame->camera)
     return nullptr;
   TwoViewInput input;
@@ -89,8 +102,7 @@ sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   for (const ScenePoint& point : points) {
     const Eigen::Vector3d p = view.pose.rotation * point.position + view.pose.translation;
     for (int i = 0; i < 3; ++i) out[i] = static_cast<float>(p[i]);
-    const Eigen::Vector3d ray = point.position.normalized();
-    out[3] = static_cast<float>(std::sqrt(ray.dot(point.covariance * ray)));
+    out[3] = static_cast<float>(two_view::distanceDeviation(point));
     ++out;
   }
   return message;

@@ -44,7 +44,7 @@ bool MotionPredictor::isPoor(const MatchResult& result) const {
 
 void MotionPredictor::advance(const Frame& frame, const Frame& reference,
                               const MatchResult& result) {
-  if (result.status != Status::ok) {
+  if (result.homographyStatus() != Status::ok) {
     restartAt(frame);
     return;
   }

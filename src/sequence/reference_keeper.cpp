@@ -39,7 +39,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
 }
 
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
-  if (result.status != Status::ok) return true;
+  if (result.homographyStatus() != Status::ok) return true;
   return result.inliers < static_cast<std::size_t>(options_.min_inliers) ||
          homography::overlap(result.answer.homography, frame.features.image_size) <
              options_.min_overlap;
@@ -54,7 +54,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
                               const MatchResult* result) {
   forgotten_ = NoReference::none;
   if (options_.mode == ReferenceMode::fixed) return;
-  if (result == nullptr || result->status != Status::ok) {
+  if (result == nullptr || result->homographyStatus() != Status::ok) {
     restartAt(frame);
     return;
   }

@@ -243,7 +243,7 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   FramePtr before = keeper.secondChoice(frame, answer.match);
   if (!before) return;
   matchTo(before, frame, other_result);
-  if (other_result.status == Status::ok) {
+  if (other_result.homographyStatus() == Status::ok) {
     std::swap(answer.match, other_result);
     reference = before;
   }

@@ -103,7 +103,8 @@ void addMotionArguments(CLI::App& app, MotionFile& motion) {
 }
 
 BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
-                     const std::string& image_topic)
+                     const std::string& image_topic,
+                     const std::optional<sensor_msgs::CameraInfo>& camera)
     : options_(options) {
   if (options_.path.empty()) return;
   options_.config = usable(options_.config);
@@ -111,7 +112,7 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
   if (options_.range_topic.empty()) options_.range_topic = beside + "/range";
   if (options_.imu_topic.empty()) options_.imu_topic = beside + "/imu";
   pixels_ = pixelsFrom(options_.config.calibration, image_topic);
-  info_ = readCameraInfo(bag, image_topic, "--motion");
+  info_ = camera ? *camera : readCameraInfo(bag, image_topic, "--motion");
   readings_.configure(options_.config, options_.range_topic, options_.imu_topic);
   readMessages(bag);
 }

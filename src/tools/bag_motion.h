@@ -30,8 +30,10 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing for an empty name. Throws UnusableBag for a bag without a calibration.
-  BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic);
+  /// Does nothing for an empty name. `camera`: in place of the bag's camera_info; empty: that.
+  /// Throws UnusableBag for a bag without a calibration.
+  BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
+            const std::optional<sensor_msgs::CameraInfo>& camera);
 
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.

@@ -55,7 +55,8 @@ std::vector<std::string> filesOfTargets(const std::string& path) {
 }
 
 BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
-                       const std::string& image_topic)
+                       const std::string& image_topic,
+                       const std::optional<sensor_msgs::CameraInfo>& camera)
     : input_(input), info_topic_(cameraOf(image_topic) + "/camera_info") {
   if (input_.path.empty()) return;
   requireReadoutTime(input_.readout_time);
@@ -66,7 +67,7 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
     throw files::FileError(input_.path, "holds no target that can be used");
   }
   pixels_ = pixelsFrom(input_.calibration, image_topic);
-  info_ = cameraInfoOf(recording, image_topic);
+  info_ = camera ? camera : cameraInfoOf(recording, image_topic);
   pose_.setReadoutTime(input_.readout_time);
 }
 

@@ -33,8 +33,9 @@ class BagTargets {
   /// Does nothing for an empty path. Names every target that is refused, with the reason, on the
   /// standard error. Throws std::invalid_argument for a list that cannot be used, and FileError if
   /// no target of it can.
+  /// `camera`: in place of the recording's camera_info; empty: that.
   BagTargets(const TargetsInput& input, const std::string& recording,
-             const std::string& image_topic);
+             const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
   /// What the nodelet's ~detections has; null if nothing was wanted. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);

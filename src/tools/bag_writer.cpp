@@ -1,6 +1,7 @@
 #include "tools/bag_writer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <stdexcept>
 
@@ -9,39 +10,91 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
 #include "ktgp_orb/two_view.h"
+#include "two_view/fields.h"
 #include "util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kStages = 4;
-constexpr std::size_t kColumnsOfTwoView = 9;
+constexpr int kExact = 17;  // digits
+constexpr int kUnknowns = 6;
+
+/// The columns of one motion.
+std::string motionColumns(const std::string& prefix) {
+  const char* const axes[kUnknowns] = {"tx", "ty", "tz", "rx", "ry", "rz"};
+  std::string text;
+  for (const char* const name : {"tx", "ty", "tz", "qx", "qy", "qz", "qw"}) {
+    text += prefix + name + ",";
+  }
+  for (int i = 0; i < kUnknowns; ++i) {
+    for (int k = i; k < kUnknowns; ++k) text += prefix + "cov_" + axes[i] + "_" + axes[k] + ",";
+  }
+  return text;
+}
+
+std::string twoViewColumns() {
+  std::string text = "doubt,";
+  two_view::visitNumbers(
+      [&](const two_view::NumberField& field) { text += std::string(field.name) + ","; });
+  return text + motionColumns("") + "other_geometry," + motionColumns("other_");
+}
+
+std::size_t countOf(const std::string& columns) {
+  return static_cast<std::size_t>(std::count(columns.begin(), columns.end(), ','));
+}
 
 std::string columns() {
   std::string text =
-      "stamp,reference_stamp,status,found_by,reference_changed,reference_features,target_features,"
-      "descriptor,knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,";
+      "stamp,reference_stamp,status,found_by,geometry,reference_changed,reference_features,"
+      "target_features,descriptor,knn,tf,gms,prosac,inliers,retention,mean_distance,rms_distance,"
+      "reprojection_rmse,";
   homography::visitNumbers([&](const std::string& name) { text += name + ","; });
   return text + "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms," +
-         files::kHomographyColumns + ",geometry,x,y,z,qx,qy,qz,qw,parallax,error";
+         files::kHomographyColumns + "," + twoViewColumns() + "error";
+}
+
+void addKnown(double value, files::CsvRow& row) {
+  if (std::isfinite(value)) {
+    row.add(value);
+  } else {
+    row.skip(1);
+  }
+}
+
+void addMotion(const geometry_msgs::PoseWithCovariance& motion, files::CsvRow& row) {
+  const auto& t = motion.pose.position;
+  const auto& turn = motion.pose.orientation;
+  for (const double value : {t.x, t.y, t.z}) row.add(value);
+  for (const double value : {turn.x, turn.y, turn.z, turn.w}) row.add(value, kExact);
+  for (int i = 0; i < kUnknowns; ++i) {
+    for (int k = i; k < kUnknowns; ++k) {
+      addKnown(motion.covariance[static_cast<std::size_t>(kUnknowns * i + k)], row);
+    }
+  }
 }
 
 /// What is not known stays empty.
 void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
+  static const std::size_t motion = countOf(motionColumns(""));
   if (view == nullptr) {
-    row.skip(kColumnsOfTwoView);
+    row.skip(countOf(twoViewColumns()));
     return;
   }
-  row.add(toString(static_cast<Geometry>(view->geometry)));
-  if (!view->has_pose) {
-    row.skip(kColumnsOfTwoView - 1);
-    return;
+  row.add(toString(static_cast<Doubt>(view->doubt)));
+  two_view::visitNumbers(
+      [&](const two_view::NumberField& /*field*/, double value) { addKnown(value, row); }, *view);
+  if (view->has_pose) {
+    addMotion(view->pose, row);
+  } else {
+    row.skip(motion);
   }
-  const auto& position = view->pose.pose.position;
-  const auto& turn = view->pose.pose.orientation;
-  for (const double value : {position.x, position.y, position.z}) row.add(value);
-  for (const double value : {turn.x, turn.y, turn.z, turn.w}) row.add(value, 17);
-  row.add(view->parallax);
+  if (view->other_pose.empty()) {
+    row.skip(1 + motion);
+  } else {
+    row.add(toString(static_cast<Geometry>(view->other_geometry)));
+    addMotion(view->other_pose.front(), row);
+  }
 }
 
 }  // namespace
@@ -117,15 +170,19 @@ void MatchWriter::write(const std::string& topic, const TargetDetectionsPtr& det
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
   constexpr int kTime = 5;  // digits of a time in ms
-  constexpr int kExact = 17;
   const MatchStatistics& s = *messages.statistics;
   files::CsvRow row;
   row.add(textOf(s.header.stamp)).add(textOf(s.reference_stamp));
   row.add(toString(static_cast<Status>(s.status))).add(toString(static_cast<FoundBy>(s.found_by)));
+  row.add(toString(static_cast<Geometry>(s.geometry)));
   row.add(int(s.reference_changed)).add(s.reference_features).add(s.target_features);
   row.add(s.descriptor);
   for (int i = 0; i < kStages; ++i) row.add(s.stages[i].output);
-  row.add(s.retention).add(s.mean_distance).add(s.rms_distance).add(s.reprojection_rmse);
+  row.add(s.inliers)
+      .add(s.retention)
+      .add(s.mean_distance)
+      .add(s.rms_distance)
+      .add(s.reprojection_rmse);
   homography::visitNumbers([&](const char* /*name*/, double value) { row.add(value); }, s);
   row.add(s.extraction_milliseconds, kTime);
   for (int i = 0; i < kStages; ++i) row.add(s.stages[i].milliseconds, kTime);
@@ -138,9 +195,7 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
   if (csv_ == nullptr) return;
-  const std::string names = columns();
-  const auto after_status =
-      static_cast<std::size_t>(std::count(names.begin(), names.end(), ',')) - 3;
+  const std::size_t after_status = countOf(columns()) - 3;
   files::CsvRow row;
   *csv_
       << row.add(textOf(header.stamp)).skip(1).add("refused").skip(after_status).add(reason).line();

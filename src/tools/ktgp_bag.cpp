@@ -54,6 +54,7 @@ struct Arguments {
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
+  std::vector<double> camera;  ///< fx, fy, cx, cy, px; empty: camera_info of the bag
   bool force = false;
   bool skip_finished = false;
   Parameters parameters;
@@ -75,6 +76,21 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
         "--rate has no effect: a bag has the times of its images; leave it out");
   }
   return openBag(arguments.in, arguments.selection);
+}
+
+/// The camera of --camera, for the images of the recording; empty: it was not given.
+std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
+  const auto camera = cameraFrom(arguments.camera);
+  if (!camera) return std::nullopt;
+  sensor_msgs::CameraInfo info;
+  const auto first = openInput(arguments)->next();
+  if (!first || !first->image) return std::nullopt;  // the run says what is wrong with the image
+  info.width = first->image->width;
+  info.height = first->image->height;
+  info.distortion_model = "plumb_bob";
+  for (int i = 0; i < 9; ++i) info.K[static_cast<std::size_t>(i)] = (*camera)(i / 3, i % 3);
+  lensFrom(info);  // refuses a K that cannot be right
+  return info;
 }
 
 /// Namespace of the output: beside the image topic, as for the nodelet.
@@ -99,7 +115,8 @@ void sayNoMotion(const std::string& problem) {
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
-      const Configuration& configuration, int threads)
+      const Configuration& configuration, const std::optional<sensor_msgs::CameraInfo>& camera,
+      int threads)
       : source_(std::move(source)),
         matcher_(configuration),
         pipeline_(configuration,
@@ -110,11 +127,12 @@ class Run {
         writer_(arguments.out, arguments.csv,
                 outputNames(arguments.name, source_->topic(), "matcher"), arguments.force),
         views_(arguments.views, [&arguments] { return openInput(arguments); }),
-        motion_(arguments.motion, arguments.in, source_->topic()),
-        targets_(arguments.targets, arguments.in, source_->topic()),
+        motion_(arguments.motion, arguments.in, source_->topic(), camera),
+        targets_(arguments.targets, arguments.in, source_->topic(), camera),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         progress_(source_->total()),
         view_(configuration.view),
+        finds_motions_(configuration.sequence.matcher.geometry != GeometryModel::homography),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
     if (!arguments.draw.empty()) {
@@ -165,7 +183,25 @@ class Run {
   }
 
  private:
-  /// Of the homographies, in a line.
+  /// What was found, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
+  std::string successes(std::size_t found) const {
+    if (!finds_motions_) return std::to_string(found) + " homographies";
+    std::string kinds;
+    for (const auto& [geometry, count] : geometries_) {
+      kinds += (kinds.empty() ? " (" : ", ") + std::to_string(count) + " " + toString(geometry);
+    }
+    if (parallaxes_.empty()) {
+      return std::to_string(found) + " geometries" + (kinds.empty() ? "" : kinds + ")");
+    }
+    std::string text = util::format("%zu motions%s), median parallax %.2g degrees", found,
+                                    kinds.c_str(), evaluation::median(parallaxes_));
+    for (const auto& [doubt, count] : doubts_) {
+      text += ", " + std::to_string(count) + " in doubt: " + toString(doubt);
+    }
+    return text;
+  }
+
+  /// The outcome in a line.
   std::string summary() const {
     std::size_t found = 0;
     std::size_t unmatched = 0;  // although there is something to match
@@ -181,8 +217,9 @@ class Run {
     }
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
-    return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
-                        evaluation::median(inliers_), evaluation::median(milliseconds_)) +
+    return successes(found) +
+           util::format(", median of %.0f inliers, %.2f ms an image", evaluation::median(inliers_),
+                        evaluation::median(milliseconds_)) +
            others + '\n';
   }
 
@@ -226,15 +263,26 @@ class Run {
     ++matched_;
     const cv::Size size = frame->image.size();
     longer_side_ = std::max({longer_side_, size.width, size.height});
-    const auto status = static_cast<Status>(messages.homography->status);
-    ++statuses_[status];
-    if (status == Status::ok) inliers_.push_back(messages.homography->inliers);
-    milliseconds_.push_back(messages.statistics->total_milliseconds);
+    count(messages);
     views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
     const TargetDetectionsPtr detections = targets_.find(recorded.image);
     writer_.write(detections_topic_, detections, recorded.received);
+  }
+
+  void count(const FrameMessages& messages) {
+    const MatchStatistics& statistics = *messages.statistics;
+    const auto status = static_cast<Status>(statistics.status);
+    ++statuses_[status];
+    milliseconds_.push_back(statistics.total_milliseconds);
+    if (status != Status::ok) return;
+    inliers_.push_back(statistics.inliers);
+    ++geometries_[static_cast<Geometry>(statistics.geometry)];
+    if (!messages.two_view || !messages.two_view->has_pose) return;
+    parallaxes_.push_back(messages.two_view->parallax);
+    const auto doubt = static_cast<Doubt>(messages.two_view->doubt);
+    if (doubt != Doubt::none) ++doubts_[doubt];
   }
 
   std::unique_ptr<ImageSource> source_;
@@ -249,13 +297,17 @@ class Run {
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
+  bool finds_motions_;  // or other geometries, besides homographies
   bool said_no_motion_ = false;
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
   int longer_side_ = 0;  // px
   std::map<Status, std::size_t> statuses_;
-  std::vector<double> inliers_;       // where a homography was found
+  std::map<Geometry, std::size_t> geometries_;
+  std::map<Doubt, std::size_t> doubts_;
+  std::vector<double> inliers_;       // where a geometry was found
+  std::vector<double> parallaxes_;    // degrees, of motions
   std::vector<double> milliseconds_;  // of all images
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
@@ -266,18 +318,19 @@ class Run {
 
 /// The camera for the two-view geometry; without camera_info there is no motion.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
-               Configuration& configuration) {
+               const std::optional<sensor_msgs::CameraInfo>& camera, Configuration& configuration) {
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return;
-  std::string problem = "only a bag has camera_info";
-  if (kindOf(bag) == InputKind::bag) {
+  std::string problem = "only a bag has camera_info; expected --camera fx,fy,cx,cy";
+  if (camera || kindOf(bag) == InputKind::bag) {
     try {
       const sensor_msgs::CameraInfo info =
-          readCameraInfo(bag, topic, "geometry " + parameters.geometry);
+          camera ? *camera : readCameraInfo(bag, topic, "geometry " + parameters.geometry);
       configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
       twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {
+      if (camera) throw;
       problem = error.what();
     }
   }
@@ -285,7 +338,8 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
 }
 
 Configuration configurationFor(Parameters parameters, const std::string& bag,
-                               const std::string& topic) {
+                               const std::string& topic,
+                               const std::optional<sensor_msgs::CameraInfo>& camera) {
   parameters.threads = 1;  // per image; several images are processed in parallel
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
@@ -296,7 +350,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
     }
     configuration.view.lens = lensFrom(readCameraInfo(bag, topic, "rectify"));
   }
-  setCamera(parameters, bag, topic, configuration);
+  setCamera(parameters, bag, topic, camera, configuration);
   return configuration;
 }
 
@@ -330,8 +384,9 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openInput(arguments);
   if (!arguments.views.video.empty()) arguments.views.rate = pictureRate(arguments);
+  const auto camera = givenCamera(arguments);
   Configuration configuration =
-      configurationFor(arguments.parameters, arguments.in, source->topic());
+      configurationFor(arguments.parameters, arguments.in, source->topic(), camera);
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
     // One image after the other is no gap, however seldom they were taken.
     constexpr double kPeriods = 1.5;
@@ -340,7 +395,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   }
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
   const int threads = arguments.parameters.threads;
-  Run run(arguments, std::move(source), configuration,
+  Run run(arguments, std::move(source), configuration, camera,
           threads > 0 ? threads : static_cast<int>(cores));
   const int code = run.run();
   run.report(arguments, code);
@@ -384,6 +439,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "make larger images of a pattern so small before anything else [px]; all results "
                  "are in px of the small ones")
       ->check(tools::numberIn({32, 100000}));
+  tools::addCameraOption(app, "--camera", arguments.camera,
+                         "K of the images without distortion, px, where there is no camera_info: "
+                         "for the motion of the "
+                         "camera (--geometry auto, --preset slam), and poses of targets");
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
@@ -407,14 +466,16 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const Parameters& parameters = arguments.parameters;
   const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
-  const bool posed = app.count("--targets") + app.count("--motion") > 0;
+  const bool posed =
+      app.count("--targets") + app.count("--motion") > 0 || parameters.geometry != "homography";
   const auto refuse_unless = [&app](bool used, const char* option, const char* condition) {
     if (used || app.count(option) == 0) return;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
                                 condition + "; leave it out");
   };
   refuse_unless(fixed, "--reference_image", "--reference_mode fixed");
-  refuse_unless(posed, "--calibration", "--targets or --motion");
+  refuse_unless(posed, "--calibration", "--targets, --motion, or --geometry auto or epipolar");
+  refuse_unless(posed, "--camera", "--targets, --motion, or --geometry auto or epipolar");
   refuse_unless(kindOf(arguments.in) == InputKind::images, "--longest_side", "a pattern of images");
   refuse_unless(motion.height_source == "parameter", "--motion_height",
                 "--motion_height_source parameter");

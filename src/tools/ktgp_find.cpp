@@ -1,15 +1,18 @@
 // ktgp_find IMAGE TARGETS: finds many flat targets in an image.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
+#include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
 #include "files/target_list.h"
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
+#include "util/camera_check.h"
 #include "util/printable.h"
 
 namespace ktgp_orb::tools {
@@ -27,7 +30,8 @@ constexpr const char* kDescription =
 constexpr const char* kExamples =
     "Examples:\n"
     "  ktgp_find photo.jpg posters\n"
-    "  ktgp_find photo.jpg targets.yaml --draw found.png --json found.json\n"
+    "  ktgp_find photo.jpg posters --draw found.png --json found.json\n"
+    "  ktgp_find photo.jpg targets.yaml --camera 718.9,718.9,607.2,185.2      the poses, too\n"
     "\n"
     "Exit code: 0 a target was found, 1 none was found, 2 options, inputs or outputs cannot be\n"
     "used, 130 interrupted (Ctrl-C).";
@@ -37,11 +41,26 @@ struct Arguments {
   std::string targets;
   std::string json;
   std::string draw;
+  std::vector<double> camera;
   bool force = false;
   TargetFinderOptions options;
 };
 
-json toJson(const DetectedTarget& detection) {
+/// The poses in the camera's frame; without a width, in widths of the target.
+PlanarPoses posesOf(const DetectedTarget& target, const Eigen::Matrix3d& camera) {
+  return planarPoses(target.homography.homography, target.homography.covariance, camera,
+                     target.image_size, target.width > 0.0 ? target.width : 1.0);
+}
+
+json toJson(const PlanarPose& pose) {
+  const Eigen::Vector3d t = pose.target_to_camera.translation();
+  return {{"rotation", tools::toJson(Eigen::Matrix3d(pose.target_to_camera.linear()))},
+          {"translation", {t.x(), t.y(), t.z()}},
+          {"covariance", rowsOf(pose.covariance)},
+          {"share", pose.share}};
+}
+
+json toJson(const DetectedTarget& detection, const std::optional<Eigen::Matrix3d>& camera) {
   json corners = json::array();
   json covariances = json::array();
   for (std::size_t i = 0; i < detection.corners.size(); ++i) {
@@ -63,13 +82,21 @@ json toJson(const DetectedTarget& detection) {
            {"ambiguity", detection.ambiguity}};
   out.update(tools::toJson(detection.homography));
   out.erase("covariance");  // the corners have theirs
+  if (!camera || detection.status != Status::ok) return out;
+  out["poses"] = json::array();
+  for (const PlanarPose& pose : posesOf(detection, *camera).poses) {
+    out["poses"].push_back(toJson(pose));
+  }
   return out;
 }
 
 json toJson(const Arguments& arguments, const TargetFrame& frame,
             const std::vector<std::string>& refused) {
   json detections = json::array();
-  for (const DetectedTarget& detection : frame.detections) detections.push_back(toJson(detection));
+  const auto camera = cameraFrom(arguments.camera);
+  for (const DetectedTarget& detection : frame.detections) {
+    detections.push_back(toJson(detection, camera));
+  }
   return {{"image", arguments.image},
           {"targets", frame.known},
           {"refused", refused},
@@ -86,9 +113,26 @@ bool isFound(const TargetFrame& frame) {
                      [](const DetectedTarget& target) { return target.status == Status::ok; });
 }
 
-void print(const TargetFrame& frame, const TargetFinderOptions& options) {
-  std::printf("known targets: %zu, with a chance: %zu, keypoints: %zu, %.1f ms\n", frame.known,
-              frame.candidates, frame.features, frame.milliseconds);
+void printPoses(const DetectedTarget& target, const Eigen::Matrix3d& camera) {
+  const PlanarPoses found = posesOf(target, camera);
+  const char* const unit = target.width > 0.0 ? "m" : "widths of the target";
+  if (found.poses.empty()) std::printf("  no pose: %s\n", found.problem.c_str());
+  for (const PlanarPose& pose : found.poses) {
+    const Eigen::Vector3d t = pose.target_to_camera.translation();
+    const Eigen::Vector3d normal = pose.target_to_camera.linear().col(2);
+    std::printf(
+        "  pose (share %.2f): at (%.4f, %.4f, %.4f) +- %.4f %s, tilted by %.1f degrees +- %.1f\n",
+        pose.share, t.x(), t.y(), t.z(), std::sqrt(pose.covariance.topLeftCorner<3, 3>().trace()),
+        unit, 180.0 / CV_PI * std::acos(std::min(1.0, std::abs(normal.dot(t.normalized())))),
+        180.0 / CV_PI * std::sqrt(pose.covariance.bottomRightCorner<3, 3>().trace()));
+  }
+}
+
+void print(const TargetFrame& frame, const Arguments& arguments) {
+  const TargetFinderOptions& options = arguments.options;
+  const auto camera = cameraFrom(arguments.camera);
+  std::printf("known targets: %zu, of these with similar keypoints: %zu, keypoints: %zu, %.1f ms\n",
+              frame.known, frame.candidates, frame.features, frame.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
     std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
                 toString(d.status), d.inliers);
@@ -97,6 +141,7 @@ void print(const TargetFrame& frame, const TargetFinderOptions& options) {
       std::printf("; it looks the same %s: this pose is one of several", d.ambiguity.c_str());
     }
     std::printf("\n");
+    if (camera && d.status == Status::ok) printPoses(d, *camera);
   }
   if (!frame.at_limit.empty()) {
     std::printf("%d of %s were found; there may be more: --max-instances\n", options.max_instances,
@@ -104,10 +149,11 @@ void print(const TargetFrame& frame, const TargetFinderOptions& options) {
   }
   const bool is_default = options.orb.max_features == TargetFinderOptions().orb.max_features;
   if (!isFound(frame)) {
-    std::printf("none found%s\n",
-                is_default
-                    ? ". For small or distant targets try: --features 8000 --target-features 2000"
-                    : "");
+    std::printf(
+        "none found.%s For one that is tilted by 60 degrees or more: ktgp_match with the "
+        "target's image and this one\n",
+        is_default ? " For small or distant targets try: --features 8000 --target-features 2000."
+                   : "");
   }
 }
 
@@ -119,6 +165,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("TARGETS", arguments.targets, "folder of images, or YAML list")->required();
   file("--json", arguments.json, "write all results; - is the standard output");
   file("--draw", arguments.draw, "write the image with the outlines and ids of what was found");
+  addCameraOption(
+      app, "--camera", arguments.camera,
+      "K of the image without distortion, px: also print the poses, in m where a target "
+      "has a width, else in its widths");
   app.add_option("--features", arguments.options.orb.max_features, "most keypoints of the image")
       ->check(CLI::Range(100, 100000))
       ->capture_default_str();
@@ -149,6 +199,10 @@ int findTargets(int argc, char** argv) {
   exitWhenInterrupted();
 
   const cv::Mat image = files::readGrey(arguments.image);
+  if (const auto camera = cameraFrom(arguments.camera)) {
+    util::requireK("--camera", *camera, image.size());
+    util::requirePrincipalPoint("--camera", *camera, image.size());
+  }
   TargetFinder finder(arguments.options);
   const std::vector<std::string> refused = addTargets(entries, finder);
   for (const std::string& reason : refused) std::cerr << "ktgp_find: " << reason << '\n';
@@ -156,7 +210,7 @@ int findTargets(int argc, char** argv) {
     throw files::FileError(arguments.targets, "holds no target that can be used");
   }
   const TargetFrame& frame = finder.find(image);
-  if (!files::isStandardOutput(arguments.json)) print(frame, arguments.options);
+  if (!files::isStandardOutput(arguments.json)) print(frame, arguments);
   if (!arguments.json.empty()) {
     files::writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
   }

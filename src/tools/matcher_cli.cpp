@@ -35,10 +35,22 @@ nlohmann::json valueOf(const Eigen::Matrix3d& matrix) {
   return toJson(matrix);
 }
 
-/// Row by row.
 std::vector<double> valueOf(const Covariance8& matrix) {
-  const Eigen::Matrix<double, 8, 8, Eigen::RowMajor> rows = matrix;
-  return {rows.data(), rows.data() + rows.size()};
+  return rowsOf(matrix);
+}
+
+/// Two image files have neither camera_info nor a part that a node would cut out. What else belongs
+/// to the stream alone has no influence on the match of two images.
+void refuseOfStream(const Parameters& parameters) {
+  const Parameters usual;
+  for (const ParameterRow& row : parameterRows()) {
+    if (row.group != "stream_images") continue;
+    const std::string value = valueText(row, parameters);
+    if (value == valueText(row, usual)) continue;
+    throw std::invalid_argument(row.name + " is " + value +
+                                ", which is for the images of a node or a recording; expected "
+                                "parameters without it, or ktgp_bag");
+  }
 }
 
 bool isFlag(const ParameterRow& row) {
@@ -165,6 +177,7 @@ void addParameterOptions(CLI::App& app, Parameters& parameters) {
 
 void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset) {
   addOptions(app, decidesAPair, options.parameters, preset, [&](const Parameters& parameters) {
+    refuseOfStream(parameters);
     options = pipelineOptions(parameters);
     const OrbExtractor checked_extractor(options.orb);
     const KtgpMatcher checked_matcher(options.matcher);
@@ -203,6 +216,18 @@ void addCommonOptions(CLI::App& app, bool& force) {
         throw CLI::Success();
       },
       "print the version and exit");
+}
+
+CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
+                             const std::string& text) {
+  return app.add_option(name, camera, text)->delimiter(',')->expected(4)->type_name("fx,fy,cx,cy");
+}
+
+std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera) {
+  if (camera.empty()) return std::nullopt;
+  Eigen::Matrix3d k;
+  k << camera[0], 0.0, camera[2], 0.0, camera[1], camera[3], 0.0, 0.0, 1.0;
+  return k;
 }
 
 CLI::Validator numberIn(const Limits& range) {

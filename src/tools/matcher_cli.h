@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "files/output_file.h"
 #include "parameters/options.h"
@@ -28,6 +29,12 @@ nlohmann::json toJson(const PipelineOptions& options);
 
 /// Three rows.
 nlohmann::json toJson(const Eigen::Matrix3d& matrix);
+/// All numbers, row by row.
+template <int Size, int Options>
+std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& matrix) {
+  const Eigen::Matrix<double, Size, Size, Eigen::RowMajor> rows = matrix;
+  return {rows.data(), rows.data() + rows.size()};
+}
 /// The fields of an answer by their names.
 nlohmann::json toJson(const UncertainHomography& answer);
 
@@ -36,6 +43,12 @@ std::string textOf(const nlohmann::json& json, int indentation);
 
 /// Adds --version, and --force for `force`.
 void addCommonOptions(CLI::App& app, bool& force);
+
+/// Adds an option fx,fy,cx,cy: K of an image without distortion, px.
+CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
+                             const std::string& text);
+/// K of such an option; empty: it was not given.
+std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 
 /// For an option: refuses values that are not a number in the range, including NaN.
 CLI::Validator numberIn(const Limits& range);

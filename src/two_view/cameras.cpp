@@ -7,6 +7,7 @@
 
 #include "homography/transform.h"
 #include "two_view/epipolar.h"
+#include "util/camera_check.h"
 #include "util/constants.h"
 #include "util/format.h"
 #include "util/options_check.h"
@@ -16,15 +17,10 @@ namespace {
 
 void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& whose) {
   const std::string name = "the K of the " + whose + " camera";
-  util::requireCamera(name, k, size);
+  util::requireK(name, k, size);
   constexpr double kMostRatio = 4.0;  // of the sides of a pixel
   util::requireInRange("fx / fy of " + name, k(0, 0) / k(1, 1), 1.0 / kMostRatio, kMostRatio);
-  if (size.empty()) return;
-  if (!(k(0, 2) >= 0.0 && k(0, 2) < size.width && k(1, 2) >= 0.0 && k(1, 2) < size.height)) {
-    throw std::invalid_argument(name + " has its principal point at " + std::to_string(k(0, 2)) +
-                                ", " + std::to_string(k(1, 2)) + ", outside the image of " +
-                                util::text(size) + " px; does it belong to another image size?");
-  }
+  util::requirePrincipalPoint(name, k, size);
 }
 
 }  // namespace
@@ -35,6 +31,13 @@ std::optional<Cameras> camerasOf(const TwoViewInput& input) {
     throw std::invalid_argument(
         "there is a K of the target camera and none of the reference camera; expected both or "
         "neither");
+  }
+  const cv::Size& size = input.reference_size;
+  const bool differ = !size.empty() && !input.target_size.empty() && size != input.target_size;
+  if (!input.target_camera && differ) {
+    throw std::invalid_argument("the target image has " + util::text(input.target_size) +
+                                " px and the reference image " + util::text(size) +
+                                " px, so they cannot share a K; expected a K of each");
   }
   const Cameras cameras{*input.reference_camera,
                         input.target_camera.value_or(*input.reference_camera)};

@@ -132,8 +132,6 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
 TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
   const Eigen::Matrix3d start = translation(1.5, 0.0);
   const auto status = [&](double max_error, const cv::Size& size) {
-    AlignmentOptions options;
-    options.max_error = max_error;
     const auto shade = [](double grey) { return grey; };
     return align(planeScene(2, translation(0.0, 0.0), shade, size), start, options).status;
   };

@@ -1227,7 +1227,8 @@ TEST(GroundMotion, RefusesUnusableReadings) {
        [](GroundFrame& f) {
          f.turn = TurnReading{Eigen::Matrix3d::Zero(), 0.1};
        }},
-      {"focal length is 0", [](GroundFrame& f) { f.camera.setZero(); }},
+      {"the camera matrix is not upper triangular", [](GroundFrame& f) { f.camera.setZero(); }},
+      {"fx of the camera matrix is 1; expected", [](GroundFrame& f) { f.camera.setIdentity(); }},
       {"the", [](GroundFrame& f) { f.answer->homography(1, 1) = kNan; }}};
   for (const auto& [words, change] : changes) {
     EXPECT_EQ(refusalOf(change).find(words), 0U) << words << " | " << refusalOf(change);

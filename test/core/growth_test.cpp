@@ -163,7 +163,7 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
-  const StageResult& stage = *result.stage("growth");
+  const StageResult& stage = *result.stage(StageId::growth);
   EXPECT_EQ(stage.output, result.growth.pairs.size());
   EXPECT_GT(stage.milliseconds, 0.0);
   double others = -stage.milliseconds;  // its time is part of the total

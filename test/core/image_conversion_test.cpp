@@ -569,7 +569,11 @@ TEST(Lens, WhatNoCameraHasIsRefused) {
       {"fx of the camera matrix is 1e-10; expected", [](auto& i) { i.K[0] = 1e-10; }},
       {"fx of the camera matrix is 1e+300; expected", [](auto& i) { i.K[0] = 1e300; }},
       {"fy of the rectified camera matrix is 1e+12", [](auto& i) { i.P[5] = 1e12; }},
-      {"cx of the camera matrix is 1e+07; expected", [](auto& i) { i.K[2] = 1e7; }}};
+      {"fx of the camera matrix is 1; expected a focal length in [96, 32000] px",
+       [](auto& i) { i.K[0] = 1.0; }},
+      {"fx of the camera matrix is 100000; expected", [](auto& i) { i.K[0] = 1e5; }},
+      {"K of the camera_info has its principal point at 960, 240, outside the image of 640x480 px",
+       [](auto& i) { i.K[2] = 960.0; }}};
   for (const auto& [words, change] : changes) {
     sensor_msgs::CameraInfo info = calibrated();
     change(info);

@@ -42,6 +42,27 @@ Frames makeFrames(int matching, int others, std::uint32_t seed) {
   return {test::drawnPair(matching + others, matching, truth, seed, 0, 12), truth};
 }
 
+/// What options() says is what runs: no stage that it leaves out, none more.
+TEST(MatcherOptionsTest, TheStagesAreThoseOfTheOptions) {
+  for (MatcherOptions options :
+       {MatcherOptions::ktgp(), MatcherOptions::robust(), MatcherOptions::slam()}) {
+    options.prosac.max_error = 2.5;
+    options.guided.radius = 7.0;
+    const KtgpMatcher matcher(options);
+    const MatcherOptions& running = matcher.options();
+    EXPECT_EQ(running.prosac.max_error, 2.5);
+    EXPECT_EQ(running.guided.radius, 7.0);
+    EXPECT_EQ(running.shared_error, options.shared_error);
+    MatchResult result;
+    result.clear(options);
+    EXPECT_EQ(result.stage(StageId::growth) != nullptr, options.growth.enabled);
+    EXPECT_EQ(result.stage(StageId::guided) != nullptr, options.guided.enabled);
+    EXPECT_EQ(result.stage(StageId::align) != nullptr, options.alignment.enabled);
+    EXPECT_EQ(result.stage(StageId::two_view) != nullptr,
+              options.geometry != GeometryModel::homography);
+  }
+}
+
 TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
   Frames frames = makeFrames(600, 600, 21);
   for (int i = 0; i < 600; ++i) {  // ratios of all sizes
@@ -104,7 +125,7 @@ TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
   std::size_t input = 900;
   for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_EQ(result.stages[i].name, std::string(names[i]));
+    EXPECT_STREQ(toString(result.stages[i].id), names[i]);
     EXPECT_EQ(result.stages[i].input, input) << names[i];
     EXPECT_EQ(result.stages[i].output, outputs[i]) << names[i];
     EXPECT_GE(result.stages[i].milliseconds, 0.0);
@@ -210,7 +231,7 @@ TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
   EXPECT_TRUE(result.answer.covariance.isZero() && result.prosac.answer.covariance.isZero());
   for (const StageResult& stage : result.stages) EXPECT_EQ(stage.input + stage.output, 0u);
   EXPECT_EQ(result.stages.size(), 5u);
-  EXPECT_NE(result.stage("align"), nullptr);
+  EXPECT_NE(result.stage(StageId::align), nullptr);
   EXPECT_EQ(result.milliseconds(), 0.0);
 }
 
@@ -258,10 +279,10 @@ TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlon
     EXPECT_EQ(std::min(after, Level::ktg), std::min(before, Level::ktg))
         << "the first three stages";
   }
-  EXPECT_EQ(plain.stage("align"), nullptr);
-  ASSERT_NE(aligned.stage("align"), nullptr);
-  EXPECT_EQ(aligned.stage("align")->input, aligned.stages[3].output);
-  EXPECT_EQ(aligned.stage("align")->output, aligned.alignment.points.size());
+  EXPECT_EQ(plain.stage(StageId::align), nullptr);
+  ASSERT_NE(aligned.stage(StageId::align), nullptr);
+  EXPECT_EQ(aligned.stage(StageId::align)->input, aligned.stages[3].output);
+  EXPECT_EQ(aligned.stage(StageId::align)->output, aligned.alignment.points.size());
 }
 
 TEST(MatcherRefinement, LeavingGmsOutLeavesTheLevelsNested) {
@@ -284,7 +305,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_GT(result.guided.size(), 50u);
   EXPECT_EQ(result.inliers, result.stages[3].output + result.guided.size());
-  EXPECT_EQ(result.stage("guided")->output, result.inliers);
+  EXPECT_EQ(result.stage(StageId::guided)->output, result.inliers);
   test::expectOneAnswer(result, pair.reference, pair.target, options.prosac.max_error);
 }
 

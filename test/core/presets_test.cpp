@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "ktgp_orb/pair_matcher.h"
 #include "parameters/options.h"
 #include "tools/parameter_file.h"
 
@@ -34,7 +35,7 @@ void expectEqual(const MatcherOptions& preset, const MatcherOptions& core,
   EXPECT_EQ(preset.alignment.points, core.alignment.points);
   EXPECT_EQ(preset.geometry, core.geometry);
   if (core.geometry == GeometryModel::homography) return;
-  EXPECT_EQ(preset.two_view.shared_error, core.two_view.shared_error);
+  EXPECT_EQ(preset.shared_error, core.shared_error);
 }
 
 TEST(Presets, AreThoseOfTheCore) {
@@ -51,6 +52,11 @@ TEST(Presets, AreThoseOfTheCore) {
   expectPreset("robust", MatcherOptions::robust());
   expectPreset("slam", MatcherOptions::slam());
   expectPreset("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
+  const PairOptions photo = PairOptions::photo();
+  expectPreset("photo", photo.matcher, photo.orb.descriptor);
+  Parameters named;
+  tools::readPreset("photo", named);
+  EXPECT_EQ(pipelineOptions(named).orb, photo.orb);
   MatcherOptions video;
   video.knn.search_radius = 48.0;
   expectPreset("video", video);

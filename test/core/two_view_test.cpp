@@ -737,12 +737,20 @@ TEST(TwoView, RefusesAKThatIsNotOne) {
            {cameraMatrix(0.0, 0.0), fx},
            {cameraMatrix(1e-10, 1e-10), fx},
            {cameraMatrix(1e300, 1e300), fx},
-           {cameraMatrix(500.0, 5.0), "fx / fy of the K of the reference camera is 100"}}) {
+           {Eigen::Matrix3d::Identity(), fx + "1; expected a focal length in [96, 32000] px"},
+           {cameraMatrix(2.0, 2.0), fx + "2; expected"},
+           {cameraMatrix(1e5, 1e5), fx + "100000; expected"},
+           {cameraMatrix(2000.0, 400.0), "fx / fy of the K of the reference camera is 5"}}) {
     TwoViewInput input = world.input();
     input.reference_camera = k;
     test::expectRefused([&] { estimateTwoView(world.pairs.reference, world.pairs.target, input); },
                         words);
   }
+  TwoViewInput enlarged = world.input();
+  enlarged.target_size = 2 * enlarged.reference_size;
+  enlarged.target_camera.reset();
+  test::expectRefused([&] { estimateTwoView(world.pairs.reference, world.pairs.target, enlarged); },
+                      "so they cannot share a K; expected a K of each");
   TwoViewOptions wrong;
   wrong.max_error = 0.0;
   test::expectRefused([&] { TwoViewEstimator{wrong}; }, "max_error");
@@ -906,9 +914,9 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
   const FramePair frames = framesOf(1, motion(), 2.0, 6.0);
   MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::epipolar);
-  EXPECT_EQ(result.found(), Status::ok);
-  // Who knows only homographies is not misled.
-  EXPECT_EQ(result.status, Status::model_rejected);
+  EXPECT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.homographyStatus(), Status::model_rejected);
+  EXPECT_EQ(result.found_by, FoundBy::two_view);
   EXPECT_TRUE(result.answer.homography.isZero(0.0));
   EXPECT_TRUE(result.guided.empty());
   const TwoView& view = result.two_view.view;
@@ -923,7 +931,7 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
     inliers += result.correspondences[i].level == Level::ktgp;
   }
   EXPECT_EQ(inliers, result.inliers);
-  EXPECT_EQ(result.stage("two_view")->output, result.inliers);
+  EXPECT_EQ(result.stage(StageId::two_view)->output, result.inliers);
   EXPECT_GT(inliers, 300u);
 
   result = matched(frames, MatchHints());  // without K
@@ -937,6 +945,7 @@ TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
   const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.homographyStatus(), Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
   EXPECT_EQ(result.alignment.status, AlignmentStatus::ok);
   const TwoView& view = result.two_view.view;
@@ -963,15 +972,15 @@ TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
   EXPECT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.two_view.view.log_false_alarms_homography, 0.0);
   EXPECT_EQ(result.stages[3].output, 0u);
-  EXPECT_STREQ(result.stages[3].name, "prosac");
+  EXPECT_EQ(result.stages[3].id, StageId::prosac);
 }
 
 TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
   const FramePair frames = framesOf(5, motion(), 2.0, 2.0);
   const MatchResult result = matched(frames, withCamera(), {});  // K is not used
-  EXPECT_EQ(result.stage("two_view"), nullptr);
+  EXPECT_EQ(result.stage(StageId::two_view), nullptr);
   EXPECT_EQ(result.geometry, Geometry::plane);
-  EXPECT_EQ(result.two_view.view.geometry, Geometry::plane);
+  EXPECT_EQ(result.two_view.view.geometry, Geometry::none);
   EXPECT_TRUE(result.two_view.pairs.reference.empty());
 }
 

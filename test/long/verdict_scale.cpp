@@ -216,7 +216,7 @@ int unrelated(const std::vector<Preset>& settings, long pairs, std::uint64_t see
       ++tried;
       matcher.match(a.features[kindOf(preset)], b.features[kindOf(preset)], hintsFor(preset, a, b),
                     result);
-      if (result.status != Status::ok && result.geometry == Geometry::none) return;
+      if (result.status != Status::ok) return;
       ++ok;
       std::printf("  ok: %s and %s, %zu inliers, by %s\n", a.scene.c_str(), b.scene.c_str(),
                   result.inliers, toString(result.found_by));

@@ -23,6 +23,7 @@ sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__f
 from tool_case import corners_off, mapped, two_depths  # noqa: E402
 
 TOOLS = os.environ['KTGP_ORB_TOOLS']
+BOAT = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'oxford/boat')
 TURN = np.array([[0.999, 0.03, 4.0], [-0.03, 0.999, 9.0], [1e-5, 0.0, 1.0]])
 
 
@@ -65,7 +66,15 @@ class ModuleTest(unittest.TestCase):
         target = two_depths(self.reference, K, 0.3, direction, rotation)
         found = ktgp.match(self.reference, target, preset='slam', K=K)
         self.assertEqual(found.geometry, 'epipolar')
-        self.assertEqual(found.status, 'model_rejected')
+        self.assertEqual((found.status, found.found_by, found.doubt), ('ok', 'two_view', 'none'))
+        self.assertGreater(found.probability, 0.9)
+        self.assertIsNone(found.other_motion)
+        self.assertLess(found.log_false_alarms_epipolar, found.log_false_alarms_homography)
+        self.assertEqual(found.points.shape, (len(found.point_matches), 3))
+        left = found.reference_points[found.point_matches][:, 0] < 250
+        self.assertAlmostEqual(np.median(0.3 * found.points[left, 2]), 2.0, delta=0.05)
+        self.assertTrue((found.point_deviations > 0).all())
+        self.assertTrue((found.levels[found.point_matches] == 3).all())
         self.assertIn('epipolar', repr(found))
         self.assertEqual(found.rotation.shape, (3, 3))
         self.assertLess(np.linalg.norm(cv2.Rodrigues(found.rotation @ rotation.T)[0]), 0.002)
@@ -77,6 +86,8 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual((found.levels == 3).sum(), found.inlier_count)
         again = pickle.loads(pickle.dumps(found))
         np.testing.assert_array_equal(again.translation, found.translation)
+        np.testing.assert_array_equal(again.points, found.points)
+        self.assertEqual(again.probability, found.probability)
         self.assertEqual(again.geometry, 'epipolar')
         features = ktgp.Extractor(preset='slam')
         by_parts = ktgp.Matcher(preset='slam').match(features.extract(self.reference), features.extract(target), K=K)
@@ -90,6 +101,40 @@ class ModuleTest(unittest.TestCase):
         plane = ktgp.match(self.reference, self.target)
         self.assertEqual(plane.geometry, 'plane')
         self.assertIsNone(plane.rotation)
+
+    def test_a_plane_has_both_motions(self):
+        K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
+        tilt = cv2.Rodrigues(np.array([0.0, 0.5, 0.0]))[0]
+        normal, t = tilt[:, 2], np.array([-0.4, 0.0, 0.1])
+        target = cv2.warpPerspective(self.reference, K @ (np.eye(3) + np.outer(t, normal) / 2.0) @ np.linalg.inv(K),
+                                     self.reference.shape[::-1])
+        found = ktgp.match(self.reference, target, 'slam', K=K)
+        self.assertEqual((found.status, found.geometry), ('ok', 'plane'))
+        self.assertGreater(np.abs(found.homography).max(), 0)
+        motions = [found.translation] + ([found.other_motion.translation] if found.other_motion else [])
+        self.assertGreater(max(motion @ t for motion in motions) / np.linalg.norm(t), 0.99)
+        if found.other_motion:
+            self.assertNotEqual(found.doubt, 'none')
+            self.assertLess(found.probability, 1.0)
+            self.assertEqual(found.other_motion.covariance.shape, (6, 6))
+            again = pickle.loads(pickle.dumps(found)).other_motion
+            np.testing.assert_array_equal(again.rotation, found.other_motion.rotation)
+
+    def test_the_default_finds_what_ktgp_match_finds(self):
+        tilt = np.float32([[0.25, -0.3, 240], [0.12, 0.75, 20], [0, 0, 1]])
+        tilted = cv2.warpPerspective(self.reference, tilt, self.reference.shape[::-1], flags=cv2.INTER_AREA)
+        found = ktgp.match(self.reference, tilted)
+        self.assertEqual(found.status, 'ok')
+        self.assertLess(np.abs(corners_off(found.homography, tilt)).max(), 3.0)
+        self.assertEqual(found.homography.tolist(), by_program(self.reference, tilted)['homography'])
+
+    @unittest.skipUnless(os.path.isdir(BOAT), 'KTGP_ORB_DATA is not set: this test needs its folder oxford/boat')
+    def test_the_default_finds_a_boat_from_near_and_far(self):
+        first, fifth = (cv2.imread(os.path.join(BOAT, name), cv2.IMREAD_GRAYSCALE) for name in ('img1.pgm', 'img5.pgm'))
+        found = ktgp.match(first, fifth)
+        self.assertEqual(found.status, 'ok')
+        truth = np.loadtxt(os.path.join(BOAT, 'H1to5p'))
+        self.assertLess(np.linalg.norm(corners_off(found.homography, truth, first.shape[::-1]), axis=1).mean(), 5.0)
 
     def test_the_result_has_the_bits_of_the_program(self):
         for preset, options in (('ktgp', {}), ('robust', {}), ('teblid', {'features': 700}),
@@ -116,7 +161,7 @@ class ModuleTest(unittest.TestCase):
     def test_one_call_is_extractor_and_matcher(self):
         extractor, matcher = ktgp.Extractor(), ktgp.Matcher()
         reference, target = extractor.extract(self.reference), extractor.extract(self.target)
-        self.same(matcher.match(reference, target), ktgp.match(self.reference, self.target))
+        self.same(matcher.match(reference, target), ktgp.match(self.reference, self.target, 'ktgp'))
         self.assertEqual(len(reference), len(reference.keypoints))
         self.assertEqual(reference.image_size, (640, 480))
 
@@ -348,14 +393,14 @@ class ModuleTest(unittest.TestCase):
         found, = targets.find(scene)
 
         def error(distortion):
-            pose, covariance, share = ktgp.TargetPose(0.0).find(found, camera, (640, 480), distortion)[0]
+            pose, covariance, share = ktgp.TargetPoses(0.0).find(found, camera, (640, 480), distortion)[0]
             self.assertGreater(np.linalg.eigvalsh(covariance).min(), 0.0)
             self.assertGreater(share, 0.5)
             return np.linalg.norm(pose[:3, 3] - shift)
         self.assertLess(error(distortion), 0.003)
         self.assertGreater(error([]), 2 * error(distortion))
         with self.assertRaisesRegex(ValueError, 'coefficients'):
-            ktgp.TargetPose().find(found, camera, (640, 480), [0.1])
+            ktgp.TargetPoses().find(found, camera, (640, 480), [0.1])
 
     def test_a_target_says_that_it_looks_like_itself_in_another_pose(self):
         targets = ktgp.Targets()

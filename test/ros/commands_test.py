@@ -89,8 +89,8 @@ RUN = {
             until='waits for /camera/matcher/match; no node publishes it'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --targets targets.yaml':
         Run(('matched', 'with_targets'), before=TARGETS),
-    'rosrun ktgp_orb ktgp_find photo.png posters': Run(('photo', 'second'), before=POSTERS),
-    'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':
+    'rosrun ktgp_orb ktgp_find photo.png posters --draw found.png': Run(('photo', 'second'), before=POSTERS),
+    'rosrun ktgp_orb ktgp_find photo.png targets.yaml --camera 500,500,320,240 --json found.json':
         Run(('photo', 'second'), before=TARGETS),
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png': AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60': Run(('10', '0.1')),

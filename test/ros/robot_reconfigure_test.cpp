@@ -124,8 +124,9 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   EXPECT_EQ(statistics.status, static_cast<std::uint8_t>(result.status));
   ASSERT_EQ(statistics.stages.size(), result.stages.size());
   for (std::size_t i = 0; i < result.stages.size(); ++i) {
-    EXPECT_EQ(statistics.stages[i].input, result.stages[i].input) << result.stages[i].name;
-    EXPECT_EQ(statistics.stages[i].output, result.stages[i].output) << result.stages[i].name;
+    EXPECT_EQ(statistics.stages[i].input, result.stages[i].input) << toString(result.stages[i].id);
+    EXPECT_EQ(statistics.stages[i].output, result.stages[i].output)
+        << toString(result.stages[i].id);
   }
 }
 

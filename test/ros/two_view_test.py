@@ -5,6 +5,7 @@ import os
 import subprocess
 import tempfile
 
+import cv2
 import numpy as np
 import rosbag
 import rospy
@@ -69,9 +70,10 @@ class TwoViewTest(MatcherCase):
         self.assertGreater(found.parallax, 1.0)
         self.assertLess(found.log_false_alarms_epipolar, found.log_false_alarms_homography)
 
-        # Who knows only homographies is not misled, and the levels say what they belong to.
+        # There is no homography, and the levels say what they belong to.
         homography = self.homography.wait_for(stamp)
         self.assertEqual(homography.status, MatchStatus.STATUS_MODEL_REJECTED)
+        self.assertEqual(homography.reason, MatchStatus.REASON_NO_PLANE)
         self.assertEqual(list(homography.homography), [0.0] * 9)
         matches = self.correspondences.wait_for(stamp)
         self.assertEqual(matches.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
@@ -95,7 +97,9 @@ class TwoViewTest(MatcherCase):
         with tempfile.TemporaryDirectory() as folder:
             bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
             write_bag(bag, (FIRST, SECOND), info=information(), rate=1.0)
-            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table], check=True)
+            run = subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
+                                  '--calibration', 'rectified'], check=True, stderr=subprocess.PIPE, text=True)
+            self.assertRegex(run.stderr, r'\n1 motions \(1 epipolar\), median parallax [0-9.]+ degrees, median of ')
             with rosbag.Bag(out) as file:
                 topics = {topic.split('/')[-1]: message for topic, message, _ in file.read_messages()}
             with open(table) as file:
@@ -105,12 +109,36 @@ class TwoViewTest(MatcherCase):
         self.assertEqual(topics['points'].header.stamp, rospy.Time(1001))
         self.assertGreater(topics['points'].width, 200)
         self.assertEqual([row['geometry'] for row in rows], ['none', 'epipolar'])
-        self.assertEqual(rows[0]['x'], '')
-        position = np.array([float(rows[1][name]) for name in 'xyz'])
-        self.assertGreater(position @ DIRECTION, 0.9995)
+        self.assertEqual([row['status'] for row in rows], ['no_reference', 'ok'])
+        self.assertEqual(topics['statistics'].status, MatchStatus.STATUS_OK)
+        self.assertEqual(topics['statistics'].geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
+        self.assertEqual(int(rows[1]['inliers']), found.inliers)
+        self.assertEqual(rows[0]['tx'], '')
+        translation = np.array([float(rows[1]['t' + name]) for name in 'xyz'])
+        self.assertGreater(translation @ DIRECTION, 0.9995)
+        covariance = np.reshape(found.pose.covariance, (6, 6))
+        self.assertAlmostEqual(float(rows[1]['cov_tx_rz']), covariance[0, 5], delta=1e-6 * abs(covariance[0, 5]))
+        self.assertEqual(rows[1]['doubt'], 'none')
         q = found.pose.pose.orientation
         self.assertEqual([float(rows[1]['q' + name]) for name in 'xyzw'], [q.x, q.y, q.z, q.w])
         self.assertAlmostEqual(float(rows[1]['parallax']), found.parallax, 6)
+
+    def test_6_a_folder_of_images_has_the_camera_that_is_given(self):
+        with tempfile.TemporaryDirectory() as folder:
+            out, table = os.path.join(folder, 'out.bag'), os.path.join(folder, 'out.csv')
+            for name, image in (('1.png', FIRST), ('2.png', SECOND)):
+                cv2.imwrite(os.path.join(folder, name), image)
+            command = ['rosrun', 'ktgp_orb', 'ktgp_bag', os.path.join(folder, '*.png'), out, '--csv', table]
+            camera = '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+            subprocess.run(command + ['--preset', 'slam', '--camera', camera], check=True)
+            with open(table) as file:
+                rows = list(csv.DictReader(file))
+            for words, reason in ((['--camera', camera], '--camera has no effect'),
+                                  (['--preset', 'slam', '--camera', '1,1,0,0'], 'fx of the camera matrix is 1; expected')):
+                run = subprocess.run(command + words + ['--force'], stderr=subprocess.PIPE, text=True)
+                self.assertEqual(run.returncode, 2)
+                self.assertIn(reason, run.stderr)
+        self.assertGreater(np.array([float(rows[1]['t' + name]) for name in 'xyz']) @ DIRECTION, 0.9995)
 
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))

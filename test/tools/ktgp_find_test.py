@@ -39,6 +39,22 @@ class KtgpFind(ToolCase):
         drawn = cv2.imread(self.path("drawn.png")).astype(int)
         self.assertGreater(np.median(abs(drawn[:, :, 0] - drawn[:, :, 2])), 30)
 
+    def test_a_camera_gives_the_poses(self):
+        f = 300.0
+        camera = f"{f},{f},159.5,119.5"
+        self.find("scene.pgm", "posters", "--camera", camera, "--json", "out.json")
+        found, = self.detections()
+        self.assertAlmostEqual(found["poses"][0]["translation"][2], f / WIDTH, delta=0.02)  # in its widths
+        self.assertAlmostEqual(found["poses"][0]["translation"][0], 7.0 / WIDTH, delta=0.005)
+        self.assertEqual(len(found["poses"][0]["covariance"]), 36)
+        self.find("scene.pgm", "posters", "--camera", camera, prints=("pose (share", "widths of the target"))
+        self.write("list.yaml", "- {image: posters/poster1.pgm, width: 0.8}\n")
+        self.find("scene.pgm", "list.yaml", "--camera", camera, "--json", "out.json")
+        self.assertAlmostEqual(self.detections()[0]["poses"][0]["translation"][2], 0.8 * f / WIDTH, delta=0.02)
+        for wrong, words in (("1,1,0,0", "fx of --camera is 1; expected a focal length in [48, 16000]"),
+                             ("300,300,900,100", "outside the image of 320x240")):
+            self.find("scene.pgm", "posters", "--camera", wrong, code=2, words=words)
+
     def test_reads_a_list(self):
         self.write(
             "list.yaml",

@@ -1,10 +1,11 @@
 """Runs ktgp_match as a program."""
+import os
 import re
 import subprocess
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, TOOLS, WIDTH, PairCase, picture, two_depths, write_pgm
+from tool_case import HEIGHT, SOURCE, TOOLS, WIDTH, PairCase, picture, two_depths, write_pgm
 
 
 class KtgpMatch(PairCase):
@@ -34,14 +35,67 @@ class KtgpMatch(PairCase):
 
     def test_the_uncertainty_of_the_corners_is_said_and_a_large_one_warned_of(self):
         sharp = self.match_photos("a.pgm", "b.pgm")
-        deviation = r"standard deviation of the least certain corner: (\S+) px"
+        deviation = r"standard deviation of the least certain corner of what both show: (\S+) px"
         self.assertLess(float(re.search(deviation, sharp.stdout).group(1)), 0.3)
         self.assertNotIn("warning", sharp.stdout)
         for sigma in (2.5, 3.0, 3.5, 4.0):  # one of them is found, barely
             self.write_image("blurred.png", cv2.GaussianBlur(self.grey("a.pgm"), (0, 0), sigma))
             run = self.match_photos("a.pgm", "blurred.png", "--json", "out.json", code=None)
             if run.returncode == 0 and self.json()["corner_deviation"] > 3:
-                self.assertIn("warning: uncertain where there are no inliers", run.stdout)
+                self.assertRegex(run.stdout, r"warning: uncertain where there are no inliers: "
+                                             r"(there are \d+ inliers|they cover|the scene is|the inliers scatter)")
+
+    def test_corners_outside_the_target_do_not_count(self):
+        """Beyond the border of the target, the homography of a cut-out is extrapolated."""
+        self.write_image("part.png", self.grey("a.pgm")[80:160, 100:220])
+        self.match_photos("a.pgm", "part.png", "--json", "out.json")
+        found = self.json()
+        C, H = np.reshape(found["covariance"], (8, 8)), np.array(found["homography"])
+
+        def deviation(x, y):
+            w = H[2] @ (x, y, 1.0)
+            u, v = H[:2] @ (x, y, 1.0) / w
+            J = np.array([[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]) / w
+            return np.sqrt(np.trace(J @ C @ J.T))
+
+        inside = max(deviation(x, y) for x in (100, 219) for y in (80, 159))
+        self.assertAlmostEqual(found["corner_deviation"], inside, delta=0.05 * inside)
+        self.assertGreater(deviation(0, 0), 2.0 * inside)
+
+    def test_the_table_says_what_is_off_and_names_one_number_of_inliers(self):
+        run = self.match_photos("a.pgm", "b.pgm", "--json", "out.json")
+        self.assertRegex(run.stdout, r"\ngms +off\n")
+        self.assertRegex(run.stdout, r"\ngrowth +not needed\n")
+        self.assertRegex(run.stdout, r"\ntf .*T_w 1, both nearest to each other \(mutual\)")
+        self.assertEqual(set(re.findall(r"(\d+) inliers", run.stdout) + re.findall(r"inliers +(\d+):", run.stdout)),
+                         {str(self.json()["inliers"])})
+
+    def test_each_parameter_of_the_table_is_used_or_refused_or_of_the_stream_alone(self):
+        other = {"descriptor": "teblid", "distribution": "uniform", "geometry": "auto", "mask_image": "none.png",
+                 "roi": "0 0 150 100", "calibration": "raw", "stretch": "range", "reference_mode": "keyframe",
+                 "reference_image": "none.png", "overlay_style": "flow"}
+        stream = {"reference_mode", "reference_image", "max_reference_age", "max_rate", "lazy", "overlay_style",
+                  "max_latency", "max_pair_megapixels"}
+        refused = {"mask_image", "roi", "calibration", "rectify", "stretch"}
+        with open(os.path.join(SOURCE, "src", "parameters", "table.def")) as file:
+            rows = re.findall(r"^KTGP_(BOOL|INT|DOUBLE|STRING|CHOICE)\((\w+), ([^,]+), ([^,]+), ", file.read(), re.M)
+        self.assertGreater(len(rows), 25)
+        for kind, name, usual, low in rows:
+            value = other.get(name)
+            if kind == "BOOL":
+                value = "false" if usual == "true" else "true"
+            elif value is None:
+                value = low if float(low) != float(usual) else str(type(eval(usual))(eval(usual) + 1))
+            self.write("one.yaml", f"{name}: {value}\n")
+            run = self.match("a.pgm", "b.pgm", "--params", "one.yaml", "--json", "out.json", code=None)
+            if name in refused:
+                self.assertEqual(run.returncode, 2, name)
+                self.assertIn(f"{name} is {value}, which is for the images of a node", run.stderr)
+                continue
+            self.assertIn(run.returncode, (0, 1), (name, run.stderr))
+            if name not in stream:
+                self.assertEqual(str(self.json()["options"][name]).lower().rstrip("0").rstrip("."),
+                                 value.rstrip("0").rstrip("."), name)
 
     def test_what_is_not_found_has_advice(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))
@@ -78,7 +132,15 @@ class KtgpMatch(PairCase):
         self.assertNotIn("no homography", run.stdout)
         self.assertTrue((self.folder / "depth_matches.png").exists())
         out = self.json()
-        self.assertEqual(out["geometry"], "epipolar")
+        self.assertEqual((out["status"], out["geometry"], out["found_by"]), ("ok", "epipolar", "two_view"))
+        self.assertGreater(len(out["two_view"]["points"]), 100)
+        self.assertEqual(out["two_view"]["doubt"], "none")
+        self.assertGreater(out["two_view"]["probability"], 0.9)
+        self.match("a.pgm", "depth.png", "--preset", "slam", "--camera", camera, "--csv", "out.csv")
+        depths = [(float(row["z"]) * 0.25, float(row["reference_x"])) for row in self.table() if row["z"]]
+        self.assertEqual(len(depths), len(out["two_view"]["points"]))
+        near = [z for z, x in depths if x < 0.4 * width]
+        self.assertAlmostEqual(np.median(near), 2.0, delta=0.1)
         self.assertIsNone(out["homography"])
         self.assertGreater(np.dot(out["two_view"]["pose"]["translation"], direction), 0.999)
         self.assertEqual(len(out["two_view"]["pose_covariance"]), 36)
@@ -104,8 +166,19 @@ class KtgpMatch(PairCase):
                               (("--camera", "0,0,0,0", "--preset", "slam"),
                                "fx of the K of the reference camera is 0; expected"),
                               (("--camera", "500,500,9000,150", "--preset", "slam"), "another image size"),
+                              (("--camera", "1,1,0,0", "--preset", "slam"),
+                               "fx of the K of the reference camera is 1; expected a focal length in [48, 16000] px"),
+                              (("--target-camera", "500,500,160,120", "--preset", "slam"), "--camera"),
                               (("--camera", "nan,500,200,150", "--preset", "slam"), "")):
             self.match("a.pgm", "b.pgm", *words, code=2, words=reason)
+
+    def test_images_of_two_sizes_have_a_camera_each(self):
+        self.write_image("large.png", cv2.resize(self.grey("b.pgm"), None, fx=2, fy=2))
+        slam = "--preset", "slam", "--camera", "300,300,160,120"
+        self.match("a.pgm", "large.png", *slam, code=2, words="cannot share a K; expected a K of each")
+        self.match("a.pgm", "large.png", *slam, "--target-camera", "600,600,320.5,240.5", "--json", "out.json")
+        self.assertEqual(self.json()["status"], "ok")
+        self.assertLess(np.abs(np.array(self.json()["two_view"]["pose"]["rotation"]) - np.eye(3)).max(), 0.05)
 
     def test_ground_truth_adds_errors(self):
         self.match("a.pgm", "b.pgm", "--ground-truth", "H.txt", "--json", "out.json", prints="corner error")

@@ -14,6 +14,7 @@ import numpy as np
 WIDTH, HEIGHT = 320, 240
 NEAR, FAR = 2.0, 6.0  # m, of two_depths()
 TOOLS = pathlib.Path(os.environ.get("KTGP_ORB_TOOLS", ""))
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
 
 
 def picture(seed=1):

@@ -66,7 +66,8 @@ const char* toString(AlignmentStatus status) {
 }
 
 struct Alignment::Impl {
-  explicit Impl(const AlignmentOptions& o) : aligner(bestAlignmentKernels()), options(o) {}
+  Impl(const AlignmentOptions& o, double error)
+      : aligner(bestAlignmentKernels()), options(o), max_error(error) {}
 
   void choosePoints(const Features& reference, const Features& target,
                     const std::vector<Correspondence>& matches);
@@ -83,12 +84,13 @@ struct Alignment::Impl {
   std::vector<Eigen::Vector2d> aligned_target;
   alignment::PointSpread spread;
   AlignmentOptions options;
+  double max_error;  // px
 };
 
-Alignment::Alignment(const AlignmentOptions& options) {
-  util::requireInRange("alignment max_error", options.max_error, 1e-6, 1e6);
+Alignment::Alignment(const AlignmentOptions& options, double max_error) {
+  util::requireInRange("alignment max_error", max_error, 1e-6, 1e6);
   util::requireInRange("alignment_points", options.points, static_cast<int>(kFewest), 100000);
-  impl_ = std::make_unique<Impl>(options);
+  impl_ = std::make_unique<Impl>(options, max_error);
 }
 
 Alignment::~Alignment() = default;
@@ -154,7 +156,7 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
   result.rmse_before = result.rmse_after = rmse(result.answer.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
-  auto evidence = homography::evidenceOfPatches(options.max_error, reference_size);
+  auto evidence = homography::evidenceOfPatches(max_error, reference_size);
   evidence.rounding = std::sqrt(rounding2 / static_cast<double>(result.points.size()));
   UncertainHomography candidate = result.answer;
   result.status = AlignmentStatus::not_better;

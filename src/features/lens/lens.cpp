@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "util/camera_check.h"
 #include "util/options_check.h"
 
 namespace ktgp_orb {
@@ -21,7 +22,7 @@ bool isFinite(const cv::Matx33d& matrix) {
 /// principal point.
 void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
   constexpr double kFarthest = 10.0;  // sides of the image
-  util::requireCamera(name, camera, image);
+  util::requireK(name, camera, image);
   if (camera(0, 1) != 0.0) {
     throw std::invalid_argument(name + " has skew, " + std::to_string(camera(0, 1)) +
                                 "; expected none");

@@ -23,7 +23,8 @@ struct GuidedMatcher::Impl {
   void placeReference(const Features& reference, const Eigen::Matrix3d& h);
   void findNearest(const Features& reference, const Features& target);
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
-  bool estimate(const cv::Size& reference_size, double threshold, UncertainHomography& estimate);
+  bool estimate(const cv::Size& reference_size, double threshold, bool by_cell,
+                UncertainHomography& estimate);
 
   GuidedOptions options;
   knn::KnnKernel kernel = knn::bestKnnKernel();
@@ -103,7 +104,8 @@ void GuidedMatcher::Impl::findNearest(const Features& reference, const Features&
 }
 
 bool GuidedMatcher::refine(const Features& reference, const Features& target, double threshold,
-                           UncertainHomography& estimate, std::vector<Correspondence>& matches) {
+                           bool by_cell, UncertainHomography& estimate,
+                           std::vector<Correspondence>& matches) {
   Impl& impl = *impl_;
   match(reference, target, estimate.homography, matches);
   impl.reference_points.clear();
@@ -112,19 +114,19 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target, do
     impl.reference_points.push_back(position(reference, c.reference_index));
     impl.target_points.push_back(position(target, c.target_index));
   }
-  return impl.estimate(reference.image_size, threshold, estimate);
+  return impl.estimate(reference.image_size, threshold, by_cell, estimate);
 }
 
-bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double threshold,
+bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double threshold, bool by_cell,
                                    UncertainHomography& estimate) {
   UncertainHomography candidate = estimate;
-  const auto evidence = homography::evidenceOfKeypoints(threshold, options.by_cell);
+  const auto evidence = homography::evidenceOfKeypoints(threshold, by_cell);
   if (!refiner.refine(reference_points, target_points, reference_size, evidence, candidate)) {
     return false;
   }
   const auto corners = homography::imageCorners(reference_size, reference_points);
   if (!homography::keepsPlaneInView(candidate.homography, corners)) return false;
-  const std::size_t share = options.by_cell ? 2 : 1;  // at least one in so many still agree
+  const std::size_t share = by_cell ? 2 : 1;  // at least one in so many still agree
   if (share * supporters(candidate.homography, threshold) <
       supporters(estimate.homography, threshold)) {
     return false;

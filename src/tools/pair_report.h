@@ -1,0 +1,34 @@
+#pragma once
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/pair_matcher.h"
+#include "parameters/options.h"
+
+namespace ktgp_orb::tools {
+
+/// What ktgp_match knows about its two images.
+struct Outcome {
+  std::string reference_file;
+  std::string target_file;
+  PairMatch pair;
+  MatchHints hints;
+  // Of the matches left after each of the four stages:
+  std::array<evaluation::ErrorSummary, 4> distances;  ///< of the descriptors
+  std::array<std::vector<double>, 4> errors;          ///< against the truth, px; empty without one
+  std::optional<Eigen::Matrix3d> truth;
+};
+
+/// The points of the scene that the final matches show; empty without a motion.
+std::vector<ScenePoint> pointsOf(const Outcome& outcome);
+
+/// To the standard output.
+void print(const Outcome& outcome, const PipelineOptions& options);
+nlohmann::json toJson(const Outcome& outcome, const PipelineOptions& options);
+
+}  // namespace ktgp_orb::tools

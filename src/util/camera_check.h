@@ -1,0 +1,57 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+namespace ktgp_orb::util {
+
+/// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera: finite, with
+/// 0, 0, 1 as its last row, and focal lengths of 0.15 to 50 longer sides of the image, which is a
+/// field of view of 147 to about 1 degree. `image`: its size, px; empty: not known.
+template <typename Matrix>
+void requireK(const std::string& name, const Matrix& k, const cv::Size& image) {
+  constexpr double kLeast = 0.15;  // below, a lens cannot show a plane as a plane
+  constexpr double kMost = 50.0;   // longer than the telephoto lenses of cameras
+  constexpr double kAny = 1e12;    // px
+  for (int i = 0; i < 9; ++i) {
+    if (std::isfinite(k(i / 3, i % 3))) continue;
+    throw std::invalid_argument(name + " has an entry that is not finite");
+  }
+  if (k(1, 0) != 0.0 || k(2, 0) != 0.0 || k(2, 1) != 0.0 || k(2, 2) != 1.0) {
+    throw std::invalid_argument(name + " is not upper triangular with 1 as its last entry");
+  }
+  const int side = std::max(image.width, image.height);
+  const double least = side > 0 ? kLeast * side : std::numeric_limits<double>::min();
+  const double most = side > 0 ? kMost * side : kAny;
+  for (const int i : {0, 1}) {
+    const double focal_length = k(i, i);
+    if (focal_length >= least && focal_length <= most) continue;
+    std::ostringstream message;
+    message << (i == 0 ? "fx of " : "fy of ") << name << " is " << focal_length
+            << "; expected a focal length in [" << least << ", " << most << "] px";
+    if (side > 0) message << " for an image of " << image.width << "x" << image.height << " px";
+    throw std::invalid_argument(message.str());
+  }
+}
+
+/// Throws std::invalid_argument unless the principal point of `k` is inside the image. `image`: as
+/// above.
+template <typename Matrix>
+void requirePrincipalPoint(const std::string& name, const Matrix& k, const cv::Size& image) {
+  if (image.empty() ||
+      (k(0, 2) >= 0.0 && k(0, 2) < image.width && k(1, 2) >= 0.0 && k(1, 2) < image.height)) {
+    return;
+  }
+  std::ostringstream message;
+  message << name << " has its principal point at " << k(0, 2) << ", " << k(1, 2)
+          << ", outside the image of " << image.width << "x" << image.height
+          << " px; does it belong to another image size?";
+  throw std::invalid_argument(message.str());
+}
+
+}  // namespace ktgp_orb::util
