@@ -122,8 +122,9 @@ class Report {
         bag_(bag),
         folder_(folder),
         terminal_(isatty(STDOUT_FILENO) != 0),
-        video_(folder + "/matches.mp4", kFrameRate, true),
-        steady_video_(folder + "/stabilized.mp4", kFrameRate, true) {
+        outputs_(true),
+        video_(folder + "/matches.mp4", kFrameRate, outputs_),
+        steady_video_(folder + "/stabilized.mp4", kFrameRate, outputs_) {
     ros::NodeHandle node;
     matches_ = node.subscribe("/camera/matcher/match", 50, &Report::onMatch, this);
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
@@ -162,6 +163,7 @@ class Report {
     std::printf("\npicture  %s\n", picturePath().c_str());
     video_.close();
     steady_video_.close();
+    outputs_.commit();
     std::printf("video    %s/matches.mp4\nvideo    %s/stabilized.mp4\n", folder_.c_str(),
                 folder_.c_str());
     saveMosaic();
@@ -260,6 +262,7 @@ class Report {
   bool terminal_;
   bool finished_ = false;
   ResultTable table_;
+  files::Outputs outputs_;
   tools::VideoFile video_;
   tools::VideoFile steady_video_;
   HomographyStampedConstPtr last_place_;

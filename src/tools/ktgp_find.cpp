@@ -157,14 +157,16 @@ int findTargets(int argc, char** argv) {
   }
   const TargetFrame& frame = finder.find(image);
   if (!files::isStandardOutput(arguments.json)) print(frame, arguments.options);
+  files::Outputs outputs(arguments.force);
   if (!arguments.json.empty()) {
-    files::writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
+    outputs.writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2));
   }
   if (!arguments.draw.empty()) {
     cv::Mat canvas;
     drawTargets(files::readForView(arguments.image), frame.detections, canvas);
-    files::writeImage(arguments.draw, canvas, arguments.force);
+    outputs.writeImage(arguments.draw, canvas);
   }
+  outputs.commit();
   return isFound(frame) ? kExitDone : kExitUnusedData;
 }
 
