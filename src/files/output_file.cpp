@@ -217,10 +217,10 @@ void OutputFile::place() {
     is_placed_ = true;
     return;
   }
-  const std::string left = errno == EEXIST ? leftName(target_) : "";
+  const std::string left = leftName(target_);
   const bool replaces = force_ || !left.empty();
   const bool done = replaces ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
-                             : errno != EEXIST && renameToNew(unfinished_.c_str(), target_.c_str());
+                             : renameToNew(unfinished_.c_str(), target_.c_str());
   if (!done && errno == EEXIST) {
     throw FileError(path_,
                     "was written by another program meanwhile; expected a new name, or --force");
