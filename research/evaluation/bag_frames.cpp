@@ -15,7 +15,7 @@ namespace {
 /// The true homographies by the stamp of their target image.
 std::map<ros::Time, HomographyStamped> readTruth(const std::string& file, const std::string& name) {
   BagMessages messages(file);
-  messages.select([&name](const bag::Topic& topic) { return topic.name == name; });
+  messages.select([&](const bag::Topic& topic) { return topic.name == bag::topicName(name); });
   std::map<ros::Time, HomographyStamped> truth;
   while (const auto message = messages.next()) {
     const auto homography = message->as<HomographyStamped>();

@@ -262,6 +262,7 @@ int evaluateImageSets(files::OutputPlan& plan, const Arguments& arguments) {
   const bool to_output =
       files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
   if (!to_output) std::fputs(tableOf(arguments, scores).c_str(), stdout);
+  files::Outputs outputs(arguments.force);
   if (!arguments.json.empty()) {
     nlohmann::json out = toJson(scores);
     out["options"] = toJson(arguments.pipeline);
@@ -271,9 +272,10 @@ int evaluateImageSets(files::OutputPlan& plan, const Arguments& arguments) {
                       {"pairs", arguments.warp_pairs},
                       {"seed", arguments.warp_seed}};
     }
-    files::writeText(arguments.json, textOf(out, 1), arguments.force);
+    outputs.writeText(arguments.json, textOf(out, 1));
   }
-  if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(scores), arguments.force);
+  if (!arguments.csv.empty()) outputs.writeText(arguments.csv, toCsv(scores));
+  outputs.commit();
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }

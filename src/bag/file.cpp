@@ -1,5 +1,6 @@
 #include "bag/file.h"
 
+#include <ros/names.h>
 #include <rosbag/chunked_file.h>
 #include <rosbag/exceptions.h>
 
@@ -8,6 +9,7 @@
 #include <cstring>
 #include <new>
 
+#include "files/input.h"
 #include "util/format.h"
 
 namespace ktgp_orb::bag {
@@ -40,11 +42,17 @@ std::shared_ptr<char> zeroedMemory(std::size_t size) {
 
 }  // namespace
 
+std::string topicName(const std::string& written) {
+  const std::string name = ros::names::clean(written);
+  return name.empty() || name[0] == '/' ? name : "/" + name;
+}
+
 BagFile::BagFile(const std::string& path) : file_(path, std::ios::binary | std::ios::ate) {
   if (!file_) throw UnusableBag(path + " cannot be opened");
   size_ = static_cast<std::size_t>(std::max<std::streamoff>(file_.tellg(), 0));
   if (bytesAt(0, std::strlen(kFirstLine)) != kFirstLine) {
-    throw UnusableBag(path + " is not a bag of format 2.0");
+    const std::string known = files::unreadableFormat(path);
+    throw UnusableBag(path + (known.empty() ? " is not a bag of format 2.0" : " " + known));
   }
   scan();
   if (header_ && !text(header_->fields, "encryptor").empty()) {
@@ -248,7 +256,8 @@ void BagFile::addConnection(const Record& record, std::string_view data) {
     return;
   }
   auto& topics = connections_[*connection];
-  topics.insert({text(record.fields, "topic"), text(*fields, "type")});
+  topics.insert(
+      {topicName(text(record.fields, "topic")), text(*fields, "type"), text(*fields, "md5sum")});
   if (topics.size() == 2) {
     note("connection " + std::to_string(*connection) + " has two different descriptions");
   }

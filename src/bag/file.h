@@ -1,5 +1,6 @@
 #pragma once
 
+#include <ros/message_traits.h>
 #include <ros/time.h>
 
 #include <cstddef>
@@ -12,6 +13,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "bag/format.h"
@@ -26,14 +28,27 @@ class UnusableBag : public std::runtime_error {
 
 namespace bag {
 
+/// The name of a topic with a slash in front and single ones in it, as `rosbag play` publishes it.
+std::string topicName(const std::string& written);
+
 /// A topic as a connection describes it.
 struct Topic {
-  std::string name;
+  std::string name;  ///< see topicName()
   std::string type;
+  std::string md5sum{};  ///< of the type's definition; a damaged bag may lack it
   bool operator<(const Topic& other) const {
-    return name != other.name ? name < other.name : type < other.type;
+    return std::tie(name, type, md5sum) < std::tie(other.name, other.type, other.md5sum);
   }
 };
+
+/// Whether the topic's messages have the layout of `Message`: by the md5sum, as nodes compare, so
+/// that tf/tfMessage is tf2_msgs/TFMessage.
+template <typename Message>
+bool isOf(const Topic& topic) {
+  const bool is_known = topic.md5sum.size() == 32;
+  return is_known ? topic.md5sum == ros::message_traits::md5sum<Message>()
+                  : topic.type == ros::message_traits::datatype<Message>();
+}
 
 /// The times of the messages of each connection.
 using Times = std::map<std::uint32_t, std::vector<ros::Time>>;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "ros/camera.h"
 #include "ros/image_conversion.h"
 #include "util/format.h"
 
@@ -17,17 +18,15 @@ ros::Time later(const ros::Time& time, double seconds) {
   return time + ros::Duration(seconds);
 }
 
-constexpr char kCompressed[] = "/compressed";
-
-/// Without what image transport appends.
-std::string rawTopic(const std::string& topic) {
-  const std::size_t suffix = sizeof kCompressed - 1;
-  const std::size_t end = topic.size() - std::min(topic.size(), suffix);
-  return topic.compare(end, std::string::npos, kCompressed) == 0 ? topic.substr(0, end) : topic;
+bool isImage(const bag::Topic& topic) {
+  return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);
 }
 
-bool isImage(const bag::Topic& topic) {
-  return topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage";
+/// Of a transport that is not read here, or of another layout than today's messages.
+bool isOtherImage(const bag::Topic& topic) {
+  const bool is_named = topic.type.find("Image") != std::string::npos ||
+                        topic.type.find("Packet") != std::string::npos;
+  return is_named && !isImage(topic);
 }
 
 class BagImages : public ImageSource {
@@ -46,12 +45,16 @@ class BagImages : public ImageSource {
   std::optional<RecordedImage> next() override {
     while (const auto message = messages_.next()) {
       if (const auto image = message->as<sensor_msgs::Image>()) {
+        setStamp(message->received, *image);
         return RecordedImage{image, message->received};
       }
       if (const auto compressed = message->as<sensor_msgs::CompressedImage>()) {
-        const auto image = decodedImage(*compressed);
-        const char* const problem = image ? "" : "compressed image cannot be decoded";
-        return RecordedImage{image, message->received, problem};
+        setStamp(message->received, *compressed);
+        try {
+          return RecordedImage{decodedImage(*compressed), message->received};
+        } catch (const RefusedImage& error) {
+          return RecordedImage{nullptr, message->received, error.what()};
+        }
       }
       messages_.reject("an image message at " + std::to_string(message->received.toSec()) +
                        " s is not an image message");
@@ -61,23 +64,41 @@ class BagImages : public ImageSource {
 
   std::size_t total() const override { return messages_.total(); }
   std::string damage() const override { return messages_.damage("images"); }
+  std::string note() const override {
+    if (without_stamp_ == 0) return {};
+    return std::to_string(without_stamp_) + " images of " + topic_ +
+           " have the stamp zero; the times of their arrival are used";
+  }
 
  private:
-  void chooseTopic(const std::string& path, const std::string& wanted) {
+  template <typename Message>
+  void setStamp(const ros::Time& received, Message& message) {
+    if (!message.header.stamp.isZero()) return;
+    message.header.stamp = received;
+    ++without_stamp_;
+  }
+
+  void chooseTopic(const std::string& path, const std::string& given) {
     std::set<std::string> names;
+    std::set<std::string> others;
     for (const bag::Topic& topic : messages_.topics()) {
       if (isImage(topic)) names.insert(topic.name);
+      if (isOtherImage(topic)) others.insert(topic.name + " (" + topic.type + ")");
     }
-    topic_ = wanted;
+    topic_ = bag::topicName(given);
     if (topic_.empty() && names.size() == 1) topic_ = *names.begin();
-    if (names.count(topic_) > 0) return;
-    topic_ = rawTopic(wanted) == wanted ? wanted + kCompressed : rawTopic(wanted);
-    if (names.count(topic_) > 0) return;
-    const std::string has =
-        wanted.empty() ? " has no single image topic" : " has no image on '" + wanted + "'";
-    throw UnusableBag(
-        path + has + "; its image topics: " + (names.empty() ? "none" : util::joined(names, ", ")) +
-        (names.size() > 1 ? "; choose one with --topic" : "") + whatIsDamaged());
+    const std::string raw = rawTopic(topic_);
+    for (const std::string& name : {topic_, raw, raw + "/compressed", raw + "/compressedDepth"}) {
+      if (names.count(name) == 0) continue;
+      topic_ = name;
+      return;
+    }
+    std::string has =
+        given.empty() ? " has no single image topic" : " has no image on '" + topic_ + "'";
+    has += "; its image topics: " + (names.empty() ? "none" : util::joined(names, ", "));
+    if (names.size() > 1) has += "; choose one with --topic";
+    if (!others.empty()) has += "; of types that are not read: " + util::joined(others, ", ");
+    throw UnusableBag(path + has + whatIsDamaged());
   }
 
   std::string whatIsDamaged() const {
@@ -86,6 +107,7 @@ class BagImages : public ImageSource {
   }
 
   BagMessages messages_;
+  std::size_t without_stamp_ = 0;
 };
 
 }  // namespace
@@ -208,9 +230,13 @@ sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::strin
   const std::string name = cameraOf(image_topic) + "/camera_info";
   BagMessages messages(path);
   messages.select([&name](const bag::Topic& topic) { return topic.name == name; });
+  boost::shared_ptr<sensor_msgs::CameraInfo> first;
   while (const auto message = messages.next()) {
-    if (const auto info = message->as<sensor_msgs::CameraInfo>()) return *info;
+    const auto info = message->as<sensor_msgs::CameraInfo>();
+    if (info && info->K[0] != 0.0) return *info;
+    if (!first) first = info;
   }
+  if (first) return *first;
   throw UnusableBag(path + ": it has no camera_info on '" + name + "', which " + user + " needs");
 }
 

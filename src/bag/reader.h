@@ -1,11 +1,11 @@
 #pragma once
 
-#include <ros/message_traits.h>
 #include <ros/serialization.h>
 #include <ros/time.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cstddef>
 #include <functional>
@@ -36,8 +36,7 @@ struct RecordedMessage {
   template <typename Message>
   boost::shared_ptr<Message> as() const {
     const std::string type = ros::message_traits::datatype<Message>();
-    bool is_of_type = false;
-    for (const bag::Topic& topic : topics) is_of_type |= topic.type == type;
+    const bool is_of_type = std::any_of(topics.begin(), topics.end(), bag::isOf<Message>);
     if (!is_of_type || !bag::isWellFormed(type, bytes)) return nullptr;
     // ROS has no stream of constant data; this one is only read.
     auto* const data = reinterpret_cast<std::uint8_t*>(const_cast<char*>(bytes.data()));
@@ -121,6 +120,8 @@ class ImageSource {
   /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
   /// known; empty for an intact bag.
   virtual std::string damage() const = 0;
+  /// What was taken in one of several possible ways, for users; empty: nothing.
+  virtual std::string note() const { return {}; }
 
  protected:
   std::string topic_ = "/camera/image_raw";
@@ -141,8 +142,8 @@ std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection
 /// Namespace of the camera of the image topic, also for topics of the compressed transport.
 std::string cameraOf(const std::string& image_topic);
 
-/// The first camera_info beside the image topic. Throws UnusableBag if there is none; `user`: what
-/// needs it.
+/// The first camera_info beside the image topic, of a calibrated camera where there is one. Throws
+/// UnusableBag if there is none; `user`: what needs it.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
 

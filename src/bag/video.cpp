@@ -14,7 +14,9 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "bag/name_order.h"
 #include "files/input.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {
@@ -94,7 +96,10 @@ class Video : public ImageSource {
     refuseTopic(path, selection);
     if (!std::ifstream(path)) throw UnusableBag(path + " cannot be opened");
     if (!opened(path, video_)) {
-      throw UnusableBag(path + " is neither a bag nor a video that OpenCV can read here");
+      const std::string known = files::unreadableFormat(path);
+      throw UnusableBag(path + (known.empty()
+                                    ? " is neither a bag nor a video that OpenCV can read here"
+                                    : " " + known));
     }
     const double fps = video_.get(cv::CAP_PROP_FPS);
     if (fps > 0.0 && fps < 1000.0) steps_ = {1.0 / fps};
@@ -199,10 +204,7 @@ std::vector<std::string> filesOf(const std::string& pattern) {
     files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
   }
   globfree(&found);
-  // "img2" before "img10".
-  std::sort(files.begin(), files.end(), [](const std::string& a, const std::string& b) {
-    return strverscmp(a.c_str(), b.c_str()) < 0;
-  });
+  bag::sortByNumbers(files);
   return files;
 }
 
@@ -219,6 +221,12 @@ class Images : public ImageSource {
     }
     if (all.empty()) throw UnusableBag(pattern + ": there is no such file, nor one that fits it");
     if (files_.empty()) throw UnusableBag(pattern + " has no image in the selected time");
+    const std::vector<std::string> odd = bag::oddNames(all);
+    if (odd.empty()) return;
+    const auto place = std::find(all.begin(), all.end(), odd.front()) - all.begin();
+    note_ = util::printable(odd.front()) + ": its name is not like the others', which decide the " +
+            "order; it is image " + std::to_string(place + 1) + " of " + std::to_string(all.size());
+    if (odd.size() > 1) note_ += ", and there are " + std::to_string(odd.size() - 1) + " more such";
   }
 
   std::optional<RecordedImage> next() override {
@@ -239,9 +247,11 @@ class Images : public ImageSource {
 
   std::size_t total() const override { return files_.size(); }
   std::string damage() const override { return {}; }
+  std::string note() const override { return note_; }
 
  private:
   int longest_side_;
+  std::string note_;
   std::vector<std::pair<std::string, ros::Time>> files_;
   std::size_t next_ = 0;
 };

@@ -1,6 +1,7 @@
 #include "files/input.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
@@ -9,61 +10,95 @@
 #include <system_error>
 #include <vector>
 
+#include "files/picture_bytes.h"
 #include "util/grey_levels.h"
+#include "util/opacity.h"
 #include "util/printable.h"
 
 namespace ktgp_orb::files {
 namespace {
 
-constexpr char kJpeg[] = "\xFF\xD8\xFF";
-constexpr char kPng[] = "\x89PNG\r\n\x1A\n";
-
-/// Big-endian; zero beyond the end.
-std::size_t numberAt(std::size_t position, std::size_t size, const std::string& bytes) {
-  std::size_t number = 0;
-  for (std::size_t i = position; i < position + size && i < bytes.size(); ++i) {
-    number = number << 8U | static_cast<unsigned char>(bytes[i]);
-  }
-  return number;
-}
-
-/// Segments of a marker, a length that counts itself, and data, with compressed pixels between
-/// them, where FF is followed by 0 or by the number of a restart. A preview is in a segment.
-bool jpegEnds(const std::string& bytes) {
-  constexpr std::size_t kEnd = 0xD9;
-  std::size_t position = 2;
-  while ((position = bytes.find('\xFF', position)) != std::string::npos) {
-    const std::size_t marker = numberAt(++position, 1, bytes);
-    if (marker == kEnd) return true;
-    if (marker == 0xFF) continue;  // filling
-    ++position;
-    const bool is_alone = marker <= 1 || (marker >= 0xD0 && marker <= 0xD7);
-    if (!is_alone) position += numberAt(position, 2, bytes);
-  }
-  return false;
-}
-
-/// Chunks of a length, a name, data and a checksum.
-bool pngEnds(const std::string& bytes) {
-  std::size_t position = sizeof kPng - 1;
-  while (position + 8 <= bytes.size()) {
-    if (bytes.compare(position + 4, 4, "IEND") == 0) return true;
-    position += 12 + numberAt(position, 4, bytes);
-  }
-  return false;
-}
-
-/// Whether the file is a JPEG or PNG without its end. Libraries decode such a JPEG with grey in
-/// place of what is missing, and print what they think of it. Bytes after the end do not matter.
-bool isCutOff(const std::string& file) {
+/// Up to `most` bytes of the beginning.
+std::string firstBytes(const std::string& file, std::size_t most) {
   std::ifstream in(file, std::ios::binary);
-  std::string bytes(sizeof kPng - 1, '\0');
-  in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  const bool jpeg = bytes.compare(0, sizeof kJpeg - 1, kJpeg) == 0;
-  const bool png = bytes == kPng;
-  if (!in || (!jpeg && !png)) return false;
-  bytes.append(std::istreambuf_iterator<char>(in), {});
-  return jpeg ? !jpegEnds(bytes) : !pngEnds(bytes);
+  std::string bytes(most, '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(most));
+  bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(in.gcount(), 0)));
+  return bytes;
+}
+
+/// Whether a picture in a file ends too early.
+bool isCutOffFile(const std::string& file) {
+  const std::string begin = firstBytes(file, 8);
+  if (!isCutOff(begin)) return false;  // neither a JPEG nor a PNG
+  std::ifstream in(file, std::ios::binary);
+  return isCutOff(std::string(std::istreambuf_iterator<char>(in), {}));
+}
+
+constexpr char kHeic[] =
+    "is a HEIC (HEIF) picture, as telephones take; convert it to JPEG, for example with "
+    "heif-convert";
+constexpr char kJpegXl[] = "is a JPEG XL picture; convert it to PNG, for example with djxl";
+constexpr char kCameraRaw[] = "is a raw picture of a camera; develop it as PNG or TIFF";
+constexpr char kRos2[] = "is a recording of ROS 2; convert it to a bag with rosbags-convert";
+
+/// Known by `bytes` from byte `at` on.
+struct KnownFormat {
+  std::size_t at;
+  std::string_view bytes;
+  const char* what;
+};
+
+constexpr KnownFormat kKnownFormats[] = {
+    {4, "ftypheic", kHeic},
+    {4, "ftypheix", kHeic},
+    {4, "ftyphevc", kHeic},
+    {4, "ftypmif1", kHeic},
+    {4, "ftypmsf1", kHeic},
+    {4, "ftypavif", "is an AVIF picture; convert it to PNG, for example with avifdec"},
+    {4, "JXL ", kJpegXl},
+    {0, "\xFF\x0A", kJpegXl},
+    {4, "ftypcrx", kCameraRaw},
+    {8, "CR\x02", kCameraRaw},
+    {0, "GIF8", "is a GIF; convert it to PNG, or to a video, for example with ffmpeg"},
+    {0, "%PDF", "is a PDF document; draw its pages as PNG, for example with pdftoppm"},
+    {0, "<svg", "is an SVG drawing; draw it as PNG, for example with rsvg-convert"},
+    {0, "version https://git-lfs", "is a pointer of Git LFS; fetch the file with git lfs pull"},
+    {0, "\x89MCAP0", kRos2},
+    {0, "SQLite format 3", kRos2},
+    {0, "#ROSBAG V2", "is a bag of ROS 1; expected a picture"},
+    {0, "#ROSBAG V1", "is a bag of format 1; convert it with 'rosbag fix'"},
+    {0, "\x1F\x8B", "is packed with gzip; unpack it"},
+    {0, "BZh", "is packed with bzip2; unpack it"},
+    {0, "\x28\xB5\x2F\xFD", "is packed with zstd; unpack it"},
+    {0, "PK\x03\x04", "is packed with zip; unpack it"},
+};
+
+/// False for pictures that have no opacity; reading a picture twice takes time.
+bool mayBeTransparent(const std::string& file) {
+  constexpr std::size_t kSearched = 4096;  // bytes; a palette has its opacity before the pixels
+  const std::string begin = firstBytes(file, kSearched);
+  if (begin.compare(0, 3, "\xFF\xD8\xFF") == 0) return false;
+  if (begin.compare(1, 3, "PNG") != 0) return true;
+  constexpr std::size_t kKind = 25;  // of the pixels
+  constexpr int kOpacity = 4;
+  return begin.size() > kKind &&
+         ((begin[kKind] & kOpacity) != 0 || begin.find("tRNS") != std::string::npos);
+}
+
+/// What lies under transparent pixels is not part of the picture.
+void hideTransparent(const std::string& file, cv::Mat& picture) {
+  const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
+  cv::Mat opacity;
+  if (whole.channels() == 4) cv::extractChannel(whole, opacity, 3);
+  if (!opacity.empty() && cv::countNonZero(opacity) == 0) {
+    throw FileError(file, "is transparent everywhere; expected a picture that can be seen");
+  }
+  const cv::Mat visible = util::visiblePart(whole);
+  if (!visible.empty() && visible.size() != picture.size()) {
+    throw FileError(file, "has transparent pixels and is stored turned; expected it upright");
+  }
+  util::fillHidden(visible, picture);
 }
 
 /// 8 or 16 bits a channel.
@@ -76,6 +111,23 @@ bool isUsual(const cv::Mat& picture) {
 FileError::FileError(const std::string& file, const std::string& what)
     : std::runtime_error(util::printable(file) + ": " + what) {}
 
+std::string unreadableFormat(const std::string& file) {
+  std::error_code none;
+  if (std::filesystem::is_directory(file, none)) {
+    const bool is_bag =
+        std::filesystem::exists(std::filesystem::path(file) / "metadata.yaml", none);
+    return is_bag ? kRos2 : "is a folder; expected a file, or a pattern of images: 'folder/*.png'";
+  }
+  const std::string begin = firstBytes(file, 64);
+  for (const KnownFormat& format : kKnownFormats) {
+    if (begin.size() > format.at &&
+        begin.compare(format.at, format.bytes.size(), format.bytes) == 0) {
+      return format.what;
+    }
+  }
+  return {};
+}
+
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // an invalid name counts as a missing file
   const std::filesystem::file_status status = std::filesystem::status(file, none);
@@ -86,7 +138,7 @@ void requireRegularFile(const std::string& file) {
 cv::Mat readPicture(const std::string& file, int flags) {
   requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
-  if (isCutOff(file)) {
+  if (isCutOffFile(file)) {
     throw FileError(file, "is damaged or cut off: the picture has no end; expected a whole file");
   }
   cv::Mat picture;
@@ -100,11 +152,15 @@ cv::Mat readPicture(const std::string& file, int flags) {
   } catch (const cv::Exception& error) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
-  if (picture.empty()) throw FileError(file, "cannot be read as an image");
+  if (picture.empty()) {
+    const std::string known = unreadableFormat(file);
+    throw FileError(file, "cannot be read as an image" + (known.empty() ? "" : ": it " + known));
+  }
   if (!isUsual(picture)) {
     throw FileError(file, std::string("has ") + cv::depthToString(picture.depth()) +
                               " pixels; expected a picture of 8 or 16 bits a channel");
   }
+  if (flags != cv::IMREAD_UNCHANGED && mayBeTransparent(file)) hideTransparent(file, picture);
   return picture;
 }
 

@@ -18,9 +18,15 @@ class FileError : public std::runtime_error {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
+/// What a file is that the libraries here cannot read, by its first bytes, and what to do: "is a
+/// HEIC picture; convert it ...". Empty where that is not known.
+std::string unreadableFormat(const std::string& file);
+
 /// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that
 /// this package reads passes through here. Throws FileError, also for a JPEG or PNG without its
-/// end, and for other depths (float, 32 bits), whose black and white nobody knows.
+/// end, and for other depths (float, 32 bits), whose black and white nobody knows. What is hidden
+/// under transparent pixels is replaced by a smooth continuation of the rest, unless `flags` are
+/// cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
 /// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.

@@ -49,6 +49,10 @@ std::string endingOf(const std::string& path) {
   return ending;
 }
 
+bool isSameNode(const struct stat& a, const struct stat& b) {
+  return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+}
+
 /// Creates a file, or empties one that no program has locked, and locks it. -1 where neither can be
 /// done; errno is EEXIST where the name is in use, also by what is not a file of ours, as a link.
 int lockedFile(const std::string& name) {
@@ -62,8 +66,8 @@ int lockedFile(const std::string& name) {
   // Another process may have renamed or removed it before we got the lock.
   struct stat opened, named;
   const bool is_ours = is_locked && fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 &&
-                       opened.st_dev == named.st_dev && opened.st_ino == named.st_ino &&
-                       S_ISREG(opened.st_mode) && opened.st_nlink == 1 && ftruncate(file, 0) == 0;
+                       isSameNode(opened, named) && S_ISREG(opened.st_mode) &&
+                       opened.st_nlink == 1 && ftruncate(file, 0) == 0;
   if (is_ours) return file;
   if (file >= 0) close(file);
   errno = EEXIST;
@@ -79,6 +83,31 @@ bool renameToNew(const char* from, const char* to) {
   if (link(from, to) != 0) return false;
   unlink(from);
   return true;
+}
+
+/// Beside the file, with its ending, which selects some formats.
+std::string unfinishedName(const fs::path& target, int number) {
+  const std::string name =
+      target.stem().string() + ".unfinished" + std::to_string(number) + target.extension().string();
+  return (target.parent_path() / name).string();
+}
+
+constexpr int kMostNames = 1000;
+
+/// The temporary name that the file has, too, since a program was killed; empty: none, or the
+/// program is at work.
+std::string leftName(const std::string& target) {
+  struct stat file, other;
+  if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
+  for (int i = 0; i < kMostNames; ++i) {
+    std::string name = unfinishedName(target, i);
+    if (lstat(name.c_str(), &other) != 0 || !isSameNode(file, other)) continue;
+    const int opened = open(name.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    const bool is_free = opened >= 0 && flock(opened, LOCK_EX | LOCK_NB) == 0;
+    if (opened >= 0) close(opened);
+    return is_free ? name : "";
+  }
+  return {};
 }
 
 /// For the newest error of the system.
@@ -142,7 +171,8 @@ void OutputPlan::write(const std::string& output) {
     if (!fs::is_regular_file(status)) {
       throw FileError(output, "is not a regular file; expected a file or a new name");
     }
-    if (!force_) throw FileError(output, "exists; expected a new name, or --force to replace it");
+    const bool may_go = force_ || isInterrupted(output);
+    if (!may_go) throw FileError(output, "exists; expected a new name, or --force to replace it");
   }
   const OutputFile can_be_made(output, force_);
   outputs_.push_back(output);
@@ -165,13 +195,8 @@ void OutputPlan::writeVideo(const std::string& output) {
 
 OutputFile::OutputFile(const std::string& path, bool force)
     : path_(path), force_(force), target_(resolved(path).string()) {
-  constexpr int kMostNames = 1000;
   for (int i = 0; i < kMostNames; ++i) {
-    // Keeps the ending, which selects some formats.
-    const fs::path target(target_);
-    const std::string name =
-        target.stem().string() + ".unfinished" + std::to_string(i) + target.extension().string();
-    unfinished_ = (target.parent_path() / name).string();
+    unfinished_ = unfinishedName(target_, i);
     lock_ = lockedFile(unfinished_);
     if (lock_ >= 0) return;
     if (errno != EEXIST) break;
@@ -185,18 +210,78 @@ OutputFile::~OutputFile() {
   if (lock_ >= 0) close(lock_);
 }
 
-// Without the first fsync, the name could survive a power cut and the contents not.
-void OutputFile::commit() {
-  if (!synchronised(unfinished_, O_RDONLY)) fail(path_);
-  const bool done = force_ ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
-                           : renameToNew(unfinished_.c_str(), target_.c_str());
+/// By a second name, as long as the other files of the run have none; by renaming where a file is
+/// replaced, or the file system has no links.
+void OutputFile::place() {
+  if (link(unfinished_.c_str(), target_.c_str()) == 0) {
+    is_placed_ = true;
+    return;
+  }
+  const std::string left = leftName(target_);
+  const bool replaces = force_ || !left.empty();
+  const bool done = replaces ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
+                             : renameToNew(unfinished_.c_str(), target_.c_str());
   if (!done && errno == EEXIST) {
     throw FileError(path_,
                     "was written by another program meanwhile; expected a new name, or --force");
   }
   if (!done) fail(path_);
+  if (!left.empty()) unlink(left.c_str());
+  unfinished_.clear();
+  is_placed_ = !replaces;
+}
+
+void OutputFile::takeBack() noexcept {
+  if (is_placed_) unlink(target_.c_str());
+  is_placed_ = false;
+}
+
+void OutputFile::finish() {
+  if (!unfinished_.empty()) unlink(unfinished_.c_str());
   unfinished_.clear();
   synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
+}
+
+// Without the first fsync, the name could survive a power cut and the contents not.
+void OutputFile::commit(const std::vector<OutputFile*>& files) {
+  for (const OutputFile* file : files) {
+    if (!synchronised(file->unfinished_, O_RDONLY)) fail(file->path_);
+  }
+  try {
+    for (OutputFile* file : files) file->place();
+  } catch (...) {
+    for (OutputFile* file : files) file->takeBack();
+    throw;
+  }
+  // The last one first: where it has one name, the run is done.
+  std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
+}
+
+OutputFile& Outputs::add(const std::string& path) {
+  files_.push_back(std::make_unique<OutputFile>(path, force_));
+  return *files_.back();
+}
+
+void Outputs::writeText(const std::string& path, const std::string& text) {
+  if (isStandardOutput(path)) return files::writeText(path, text, force_);
+  OutputFile& file = add(path);
+  write(file, text);
+  complete(file);
+}
+
+void Outputs::writeImage(const std::string& path, const cv::Mat& image) {
+  OutputFile& file = add(path);
+  files::writeImage(file, image);
+  complete(file);
+}
+
+void Outputs::commit() {
+  OutputFile::commit(complete_);
+  complete_.clear();
+}
+
+bool isInterrupted(const std::string& path) {
+  return !leftName(resolved(path).string()).empty();
 }
 
 bool isStandardOutput(const std::string& output) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
@@ -37,8 +38,8 @@ class OutputPlan {
 };
 
 /// A file that gets its name only when it is complete and on the disk: it is written under a
-/// temporary name beside it, and renamed. What a killed program has left there is used
-/// again; a lock tells it from a file that is being written.
+/// temporary name beside it. What a killed program has left there is used again; a lock tells it
+/// from a file that is being written.
 class OutputFile {
  public:
   /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
@@ -52,15 +53,48 @@ class OutputFile {
   /// Where to write before commit().
   const std::string& unfinished() const { return unfinished_; }
   /// Throws FileError; without `force` also if the name exists by now.
-  void commit();
+  void commit() { commit({this}); }
 
  private:
+  friend class Outputs;
+  static void commit(const std::vector<OutputFile*>& files);
+  void place();
+  void takeBack() noexcept;
+  void finish();
+
   std::string path_;  ///< as given
   bool force_;
   std::string target_;  ///< links resolved
   std::string unfinished_;
-  int lock_ = -1;  ///< open file
+  int lock_ = -1;           ///< open file
+  bool is_placed_ = false;  ///< it has its name, and can be taken back
 };
+
+/// The files of a run, which get their names together at its end. Where it is killed on the way, a
+/// file still has its temporary name, too: isInterrupted() says so, and the next run replaces it.
+class Outputs {
+ public:
+  explicit Outputs(bool force) : force_(force) {}
+
+  /// A file to be written; it is removed with this object unless it is complete. Throws FileError.
+  OutputFile& add(const std::string& path);
+  /// It will get its name, after those that were complete before.
+  void complete(OutputFile& file) { complete_.push_back(&file); }
+  /// Both add a complete file. A text may go to the standard output. Throw FileError.
+  void writeText(const std::string& path, const std::string& text);
+  void writeImage(const std::string& path, const cv::Mat& image);
+  /// All complete files get their names, or none. The last one has its own without a doubt only
+  /// where the run is done. Throws FileError.
+  void commit();
+
+ private:
+  bool force_;
+  std::vector<std::unique_ptr<OutputFile>> files_;
+  std::vector<OutputFile*> complete_;
+};
+
+/// Whether the file is of a run that was killed while its files got their names.
+bool isInterrupted(const std::string& path);
 
 /// "-", the name of the standard output among outputs.
 bool isStandardOutput(const std::string& output);

@@ -5,8 +5,6 @@
 #include <sensor_msgs/CompressedImage.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include <boost/make_shared.hpp>
-
 #include "ros/image_conversion.h"
 
 namespace ktgp_orb {
@@ -19,15 +17,13 @@ class CompressedSubscriber
  protected:
   void internalCallback(const sensor_msgs::CompressedImageConstPtr& message,
                         const Callback& take) override {
-    if (const auto image = decodedImage(*message)) {
-      take(image);
-      return;
+    sensor_msgs::ImageConstPtr image;
+    try {
+      image = decodedImage(*message);
+    } catch (const RefusedImage& reason) {  // for the node, which says it and counts
+      image = undecodedImage(message->header, reason);
     }
-    // Refused by the node like any other unusable image, with its reason.
-    const auto none = boost::make_shared<sensor_msgs::Image>();
-    none->header = message->header;
-    none->encoding = "compressed (" + message->format.substr(0, 32) + "), which cannot be decoded";
-    take(none);
+    take(image);
   }
 };
 

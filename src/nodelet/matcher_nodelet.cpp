@@ -183,6 +183,10 @@ void MatcherNodelet::configure(KtgpConfig& config) {
 void MatcherNodelet::sendConfiguration() {
   const ConfigurationConstPtr configuration =
       boost::make_shared<Configuration>(settings_.configuration());
+  const std::string file = idleMask(configuration->view.file_mask);
+  const std::string sent = idleMask(configuration->view.sent_mask);
+  diagnosis_.setFault("mask_image", file.empty() ? "" : "mask_image " + file);
+  diagnosis_.setFault("mask", sent.empty() ? "" : "the mask on " + mask_.getTopic() + " " + sent);
   worker_.put<&MatcherWork::configure>(kConfiguration, 0, configuration);
 }
 

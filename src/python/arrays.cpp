@@ -8,6 +8,7 @@
 
 #include "util/format.h"
 #include "util/grey_levels.h"
+#include "util/opacity.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -23,6 +24,14 @@ bool isWide(const py::array& array) {
   return py::isinstance<py::array_t<std::uint16_t>>(array);
 }
 
+/// NumPy would drop the mask of a masked array without a word.
+void refuseMasked(const py::handle& object, const std::string& name) {
+  if (!py::hasattr(object, "filled") || !py::hasattr(object, "mask")) return;
+  if (!object.attr("mask").attr("any")().cast<bool>()) return;
+  throw py::value_error(name + " is a masked array with hidden values; expected its .data, and " +
+                        "what is hidden in a mask of its own: (~array.mask).astype(np.uint8)");
+}
+
 /// An array of uint8, or of uint16 if it `may_be_wide`, whose pixels of a row are next to each
 /// other; a copy only if they are not.
 py::array bytesOf(const py::object& object, const std::string& name, bool may_be_wide = false) {
@@ -31,6 +40,7 @@ py::array bytesOf(const py::object& object, const std::string& name, bool may_be
     throw py::value_error(name + " is " + py::str(py::type::of(object)).cast<std::string>() +
                           "; expected a NumPy array of " + expected);
   }
+  refuseMasked(object, name);
   auto array = py::reinterpret_borrow<py::array>(object);
   const bool is_wide = may_be_wide && isWide(array);
   if (!is_wide && !py::isinstance<py::array_t<std::uint8_t>>(array)) {
@@ -82,6 +92,7 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
     for (const py::handle& each : object) keypoints.push_back(fromCv(each));
     return keypoints;
   }
+  refuseMasked(object, "keypoints");
   using Array = py::array_t<float, py::array::c_style | py::array::forcecast>;
   const auto array = Array::ensure(object);
   if (!array || array.ndim() != 2 || array.shape(1) != kKeypointColumns) {
@@ -129,10 +140,11 @@ ImageArray anyImage(const py::object& image, const std::string& name) {
   return out;
 }
 
-/// Without alpha, where there is one.
+/// Without alpha, where there is one; what it hides is not part of the picture.
 void convertColour(int with_alpha, int without, cv::Mat& pixels) {
   const cv::Mat given = std::exchange(pixels, cv::Mat());
   cv::cvtColor(given, pixels, given.channels() == 4 ? with_alpha : without);
+  util::fillHidden(util::visiblePart(given), pixels);
 }
 
 }  // namespace

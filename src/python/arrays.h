@@ -20,9 +20,10 @@ struct ImageArray {
 };
 
 /// An array without a copy where its rows are dense uint8: (height, width) as CV_8UC1, or (height,
-/// width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Alpha is left out;
-/// of uint16, grey is stretched as the programs do, and colours lose their lower bits. Throws
-/// py::value_error, which names the image, its type or shape, and what is expected.
+/// width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Alpha is left out,
+/// and what it hides is replaced (see util::fillHidden); of uint16, grey is stretched as the
+/// programs do, and colours lose their lower bits. Throws py::value_error, which names the image,
+/// its type or shape, and what is expected; also for a masked array with hidden values.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
 /// The same as CV_8UC1; colours are converted, then stretched.

@@ -65,6 +65,14 @@ cv::Size imageSize(const sensor_msgs::CameraInfo& info) {
           static_cast<int>(height / std::max(1U, info.binning_y))};
 }
 
+std::string rawTopic(const std::string& topic) {
+  for (const std::string transport : {"/compressed", "/compressedDepth", "/theora"}) {
+    const std::size_t end = topic.size() - std::min(topic.size(), transport.size());
+    if (topic.compare(end, std::string::npos, transport) == 0) return topic.substr(0, end);
+  }
+  return topic;
+}
+
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
   if (name == "raw") return Pixels::raw;
   if (name == "rectified") return Pixels::rectified;
@@ -72,9 +80,16 @@ Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
     throw std::invalid_argument("calibration is '" + name +
                                 "'; expected by_name, raw or rectified");
   }
-  const std::string last =
-      image_topic.substr(image_topic.rfind('/') + 1);  // without a slash, npos + 1 is zero
-  return last.rfind("image_rect", 0) == 0 ? Pixels::rectified : Pixels::raw;
+  std::size_t end = image_topic.size();
+  while (true) {
+    const std::size_t slash = image_topic.rfind('/', end - 1);
+    const std::size_t begin = slash == std::string::npos ? 0 : slash + 1;
+    if (image_topic.compare(begin, 5, "image") == 0) {
+      return image_topic.compare(begin, 10, "image_rect") == 0 ? Pixels::rectified : Pixels::raw;
+    }
+    if (begin < 2) return Pixels::raw;
+    end = slash;
+  }
 }
 
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {

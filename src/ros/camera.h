@@ -17,8 +17,13 @@ enum class Pixels : std::uint8_t {
   rectified,  ///< without distortion, such as image_proc's image_rect: P of its camera_info applies
 };
 
+/// The topic of the images without what a transport appends: "/camera/image_raw" of
+/// "/camera/image_raw/compressed".
+std::string rawTopic(const std::string& topic);
+
 /// `name`: by_name, raw or rectified. by_name: images are rectified if the last part of their
-/// topic's name begins with image_rect, as in image_proc. Throws std::invalid_argument.
+/// topic's name that begins with "image" begins with "image_rect", as in image_proc; a transport or
+/// a relay may append parts. Throws std::invalid_argument.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 /// The camera of an image.

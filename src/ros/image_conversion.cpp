@@ -3,17 +3,24 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
+#include <boost/make_shared.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "files/input.h"
+#include "files/picture_bytes.h"
+#include "util/format.h"
+#include "util/opacity.h"
+#include "util/printable.h"
 
 namespace ktgp_orb {
 namespace {
@@ -28,12 +35,14 @@ constexpr int kNoCode = -1;
 /// Memory layout of an encoding's pixels, and their conversion to grey.
 struct Format {
   std::string encoding;
-  int type;     ///< OpenCV's type of the pixels
-  int to_grey;  ///< OpenCV's conversion; kNoCode for grey pixels
+  int type;              ///< OpenCV's type of the pixels
+  int to_grey;           ///< OpenCV's conversion; kNoCode for grey pixels
+  int to_bgr = kNoCode;  ///< of pixels with brightness and colour apart
 };
 
-/// All image encodings. OpenCV names a Bayer pattern by its second row from the second pixel on,
-/// ROS by its first row. Channels without a name are taken as OpenCV's usual order, BGR.
+/// All image encodings; uyvy, yuyv and the nv... are of newer versions of sensor_msgs. OpenCV names
+/// a Bayer pattern by its second row from the second pixel on, ROS by its first row. Channels
+/// without a name are taken as OpenCV's usual order, BGR.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -52,7 +61,13 @@ const std::vector<Format>& formats() {
       {encodings::BGRA16, CV_16UC4, cv::COLOR_BGRA2GRAY},
       {encodings::TYPE_16UC4, CV_16UC4, cv::COLOR_BGRA2GRAY},
       {encodings::RGBA16, CV_16UC4, cv::COLOR_RGBA2GRAY},
-      {encodings::YUV422, CV_8UC2, cv::COLOR_YUV2GRAY_UYVY},
+      {encodings::YUV422, CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
+      {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
+      {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
+      {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
+      {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},  // colours of half the size follow
+      {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
+      {"nv24", CV_8UC1, kNoCode},
       {encodings::BAYER_RGGB8, CV_8UC1, cv::COLOR_BayerBG2GRAY},
       {encodings::BAYER_BGGR8, CV_8UC1, cv::COLOR_BayerRG2GRAY},
       {encodings::BAYER_GBRG8, CV_8UC1, cv::COLOR_BayerGR2GRAY},
@@ -65,21 +80,29 @@ const std::vector<Format>& formats() {
   return all;
 }
 
+/// Begins the encoding of an image that compressed data did not become, and the reason follows.
+constexpr char kUndecoded[] = "compressed image ";
+
 const Format& formatOf(const std::string& encoding) {
   for (const Format& format : formats()) {
     if (format.encoding == encoding) return format;
   }
+  if (encoding.rfind(kUndecoded, 0) == 0) throw RefusedImage(util::printable(encoding, 400));
   constexpr std::size_t kShown = 64;  // characters of an untrusted name
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
                      "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
-                     "colour of 8 or 16 bits (bgr8, rgba16, 8UC3, ...), yuv422 or Bayer");
+                     "colour of 8 or 16 bits (bgr8, rgba16, 8UC3, ...), yuv422, nv12 or Bayer");
 }
 
 void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
   if (image.width == 0 || image.height == 0) {
     throw RefusedImage("image is empty (" + std::to_string(image.width) + "x" +
                        std::to_string(image.height) + "); expected at least one pixel");
+  }
+  if (format.type == CV_8UC2 && image.width % 2 != 0) {
+    throw RefusedImage("width is " + std::to_string(image.width) + "; expected an even one for " +
+                       image.encoding);
   }
   const std::size_t row_bytes = image.width * static_cast<std::size_t>(CV_ELEM_SIZE(format.type));
   if (image.step < row_bytes) {
@@ -113,7 +136,7 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   return swapped;
 }
 
-constexpr double kMostMegapixels = 64.0;  // largest image of a request
+constexpr double kMostMegapixels = 64.0;  // largest image of a request or in compressed data
 
 double megapixelsOf(const sensor_msgs::Image& image) {
   return 1e-6 * image.width * static_cast<double>(image.height);
@@ -122,6 +145,7 @@ double megapixelsOf(const sensor_msgs::Image& image) {
 /// An empty `encoding` means no conversion.
 cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
                                      const std::string& encoding) {
+  if (message->encoding.rfind(kUndecoded, 0) == 0) formatOf(message->encoding);
   if (message->width == 0 || message->height == 0) {
     throw RefusedImage("image is empty; expected at least one pixel");
   }
@@ -133,8 +157,70 @@ cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
   }
 }
 
-bool isMosaicked(const std::string& encoding) {
-  return encodings::isBayer(encoding) || encoding == encodings::YUV422;
+/// Brightness and colour are apart.
+bool isYuv(const std::string& encoding) {
+  return encoding.rfind("yuv", 0) == 0 || encoding.rfind("nv", 0) == 0 || encoding == "yuyv" ||
+         encoding == "uyvy";
+}
+
+/// bgr8, or mono8 where the colours have the size of the picture or are missing.
+cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
+  const Format& format = formatOf(message->encoding);
+  requireConsistent(*message, format);
+  const auto image = boost::make_shared<cv_bridge::CvImage>();
+  image->header = message->header;
+  image->encoding = encodings::BGR8;
+  cv::Mat pixels = pixelsOf(*message, format);
+  const bool is_planar = format.type == CV_8UC1;
+  const auto rows = static_cast<std::size_t>(pixels.rows) * 3 / 2;
+  const bool has_colour =
+      !is_planar || (pixels.cols % 2 == 0 && pixels.rows % 2 == 0 && format.to_bgr != kNoCode &&
+                     message->data.size() >= message->step * rows);
+  if (!has_colour) {
+    image->encoding = encodings::MONO8;
+    image->image = pixels.clone();
+    return image;
+  }
+  if (is_planar) {
+    pixels = cv::Mat(static_cast<int>(rows), pixels.cols, CV_8UC1, pixels.data, message->step);
+  }
+  cv::cvtColor(pixels, image->image, format.to_bgr);
+  return image;
+}
+
+/// What a compressed image shows, without the header of compressedDepth. Throws RefusedImage.
+cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
+  const auto refuse = [&](const std::string& why) {
+    throw RefusedImage(kUndecoded + ("(format " + util::quoted(message.format)) + ") " + why);
+  };
+  const auto* const data = reinterpret_cast<const char*>(message.data.data());
+  std::string_view bytes(data, message.data.size());
+  if (bytes.empty()) refuse("has no data");
+  const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
+  constexpr std::size_t kDepthHeader = 12;  // bytes: the kind, and two numbers for floats
+  if (is_depth && message.format.rfind("32FC1", 0) == 0) {
+    refuse("is depth in floats; expected an image, or depth of 16UC1");
+  }
+  if (is_depth) bytes.remove_prefix(std::min(kDepthHeader, bytes.size()));
+  const std::optional<double> megapixels = files::megapixelsOf(bytes);
+  if (!megapixels) {
+    refuse("is no JPEG, PNG, TIFF, WebP or BMP; expected one, or the transport of this format");
+  }
+  if (*megapixels > kMostMegapixels) {
+    refuse(
+        util::format("has %.1f megapixels; expected %.0f at most", *megapixels, kMostMegapixels));
+  }
+  if (files::isCutOff(bytes)) refuse("is damaged or cut off: it has no end");
+  cv::Mat image;
+  try {
+    const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1,
+                      const_cast<char*>(bytes.data()));  // only read
+    image = cv::imdecode(row, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    image.release();
+  }
+  if (image.empty()) refuse("cannot be decoded; it is damaged, or of a kind that OpenCV lacks");
+  return image;
 }
 
 }  // namespace
@@ -173,8 +259,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch
   try {
     cv::Mat grey = pixelsOf(*message, format);
     if (format.to_grey != kNoCode) {
+      const cv::Mat visible = util::visiblePart(grey);
       cv::cvtColor(grey, buffer, format.to_grey);
       grey = buffer;
+      util::fillHidden(visible, grey);
     }
     return grey.depth() == CV_16U ? stretchTo8Bit(grey, stretch) : grey;
   } catch (const cv::Exception& error) {
@@ -184,12 +272,14 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch
 }
 
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message) {
-  return converted(message, isMosaicked(message->encoding) ? encodings::BGR8 : "");
+  if (isYuv(message->encoding)) return ofYuv(message);
+  return converted(message, encodings::isBayer(message->encoding) ? encodings::BGR8 : "");
 }
 
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message) {
   const std::string& encoding = message->encoding;
-  const bool colour = encodings::isColor(encoding) || isMosaicked(encoding);
+  if (isYuv(encoding)) return ofYuv(message)->image;
+  const bool colour = encodings::isColor(encoding) || encodings::isBayer(encoding);
   return colour ? converted(message, encodings::BGR8)->image : greyImage(message);
 }
 
@@ -205,12 +295,7 @@ cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp) {
 sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message) {
   cv_bridge::CvImage image;
   image.header = message.header;
-  if (message.data.empty()) return nullptr;
-  try {
-    image.image = cv::imdecode(message.data, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {  // data that OpenCV takes for an image too large for it
-    return nullptr;
-  }
+  image.image = decoded(message);
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
@@ -218,8 +303,19 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }
-  if (image.image.empty() || image.encoding.empty()) return nullptr;
+  if (image.encoding.empty()) {
+    throw RefusedImage(std::string(kUndecoded) + "has " + cv::typeToString(type) +
+                       " pixels; expected 8 or 16 bits a channel");
+  }
   return image.toImageMsg();
+}
+
+sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
+                                          const RefusedImage& reason) {
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header = header;
+  image->encoding = reason.what();
+  return image;
 }
 
 cv::Mat notBlack(const cv::Mat& image) {
@@ -231,6 +327,8 @@ cv::Mat notBlack(const cv::Mat& image) {
     const cv::Mat coloured = channel != 0;
     mask = mask.empty() ? coloured : cv::Mat(mask | coloured);
   }
+  const cv::Mat visible = util::visiblePart(image);
+  if (!visible.empty()) mask &= visible;
   return mask;
 }
 
@@ -238,8 +336,7 @@ cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
   const cv::Mat pixels = pixelsOf(*message, format);
-  const bool is_yuv = message->encoding == encodings::YUV422;
-  if (!is_yuv) return notBlack(pixels);
+  if (format.type != CV_8UC2) return notBlack(pixels);
   cv::Mat luma;
   cv::cvtColor(pixels, luma, format.to_grey);
   return notBlack(luma);
@@ -292,7 +389,19 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
 }
 
 cv::Mat readMaskFile(const std::string& path) {
-  return path.empty() ? cv::Mat() : notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
+  if (path.empty()) return {};
+  const cv::Mat mask = notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
+  if (cv::countNonZero(mask) == 0) {
+    throw RefusedImage("mask_image " + util::printable(path) +
+                       ": hides the whole image, since black and transparent pixels hide; expected "
+                       "white where the image is looked at");
+  }
+  return mask;
+}
+
+std::string idleMask(const cv::Mat& mask) {
+  if (mask.empty() || cv::countNonZero(mask) < static_cast<int>(mask.total())) return {};
+  return "hides nothing: only black (0) and transparent pixels hide, and it has none";
 }
 
 }  // namespace ktgp_orb

@@ -31,8 +31,9 @@ void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
 /// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
-/// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422 or
-/// Bayer. More data than needed is legal.
+/// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422, nv12
+/// or Bayer. More data than needed is legal. What transparent pixels hide is replaced (see
+/// util::fillHidden).
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
                   util::GreyStretch stretch = util::GreyStretch::percentile);
 /// The same; colour and Bayer images are converted into `buffer`, whose memory is reused if it
@@ -52,8 +53,13 @@ cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
 cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
 /// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
-/// the Bayer pattern that begins the message's format. Null for data that is no image.
+/// the Bayer pattern that begins the message's format; also of compressedDepth (16UC1). Throws
+/// RefusedImage for data that is no image or has no end, and, before it is decoded, for more than
+/// 64 megapixels.
 sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
+/// An image without pixels that greyImage and warpableImage refuse for that reason.
+sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
+                                          const RefusedImage& reason);
 
 /// The memory of a frame's pixels: the message, or a matrix with the converted pixels.
 struct PixelMemory {
@@ -75,11 +81,15 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 /// CV_8UC1: 0 where the image is black, 255 elsewhere. Accepts the encodings of greyImage; a Bayer
 /// pixel counts by itself, a yuv422 pixel by its brightness. Throws RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
-/// The same for pixels in memory; of four channels the last one, the opacity, is ignored.
+/// The same for pixels in memory; of four channels the last one is opacity, and transparent pixels
+/// are 0, too.
 cv::Mat notBlack(const cv::Mat& image);
 
-/// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile.
+/// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile, and
+/// for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
+/// What is wrong with a mask that hides nothing, in words; empty for others, and for none.
+std::string idleMask(const cv::Mat& mask);
 
 /// An image file as a mono8 message, or mono16 if the file has 16 bits, with stamp zero; null for
 /// an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be read or is

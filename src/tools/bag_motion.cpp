@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "files/csv.h"
-#include "files/output_file.h"
 #include "ktgp_orb/status.h"
 #include "tools/bag_writer.h"
 
@@ -68,14 +67,47 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-template <typename Message, typename Use>
-void passUntil(const ros::Time& time, std::deque<Message>& messages, const Use& use) {
-  for (; !messages.empty() && messages.front().header.stamp <= time; messages.pop_front()) {
-    use(messages.front());
-  }
+constexpr double kWentBack = 1.0;  // s; less is jitter, or a publisher that dates ahead
+
+/// Whether the clock was set back where the message at `place` arrived: the messages around it are
+/// all on one side. A single one with a wrong stamp, or a publisher that dates ahead, is no
+/// restart.
+template <typename Message>
+bool isRestart(const std::vector<Message>& messages, std::size_t place) {
+  constexpr std::size_t kAround = 100;  // messages, before and after
+  constexpr std::size_t kLeast = 5;
+  if (place < kLeast || place + kLeast > messages.size()) return false;
+  const auto here = messages.begin() + static_cast<std::ptrdiff_t>(place);
+  const auto is_earlier = [](const Message& a, const Message& b) {
+    return a.header.stamp < b.header.stamp;
+  };
+  const auto begin = here - static_cast<std::ptrdiff_t>(std::min(place, kAround));
+  const auto end = here + static_cast<std::ptrdiff_t>(std::min(messages.size() - place, kAround));
+  const double before = std::min_element(begin, here, is_earlier)->header.stamp.toSec();
+  const double after = std::max_element(here, end, is_earlier)->header.stamp.toSec();
+  return before - after > kWentBack;
 }
 
 }  // namespace
+
+template <typename Message>
+BagMotion::Readings<Message>::Readings(const std::vector<Message>& arrived) {
+  for (std::size_t i = 0; i < arrived.size(); ++i) {
+    if (i == 0 || isRestart(arrived, i)) parts_.emplace_back();
+    parts_.back().emplace(arrived[i].header.stamp, arrived[i]);
+  }
+}
+
+template <typename Message>
+template <typename Use>
+void BagMotion::Readings<Message>::passUntil(const ros::Time& time, bool restarted,
+                                             const Use& use) {
+  if (restarted && goesOn()) parts_.pop_front();
+  if (parts_.empty()) return;
+  const auto end = parts_.front().upper_bound(time);
+  std::for_each(parts_.front().begin(), end, [&use](const auto& each) { use(each.second); });
+  parts_.front().erase(parts_.front().begin(), end);
+}
 
 void addMotionArguments(CLI::App& app, MotionFile& motion) {
   const char* const group = "Motion in metres (see doc/motion.md)";
@@ -111,6 +143,8 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
   const std::string beside = cameraOf(image_topic);
   if (options_.range_topic.empty()) options_.range_topic = beside + "/range";
   if (options_.imu_topic.empty()) options_.imu_topic = beside + "/imu";
+  options_.range_topic = bag::topicName(options_.range_topic);
+  options_.imu_topic = bag::topicName(options_.imu_topic);
   pixels_ = pixelsFrom(options_.config.calibration, image_topic);
   info_ = camera ? *camera : readCameraInfo(bag, image_topic, "--motion");
   readings_.configure(options_.config, options_.range_topic, options_.imu_topic);
@@ -119,16 +153,19 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
 
 /// A topic of another type would look like one without messages.
 void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
-  const auto check = [&](const std::string& name, const std::string& type) {
-    const std::set<bag::Topic> topics = messages.topics();
-    const auto other = std::find_if(topics.begin(), topics.end(), [&](const bag::Topic& topic) {
-      return topic.name == name && topic.type != type;
-    });
-    if (other == topics.end()) return;
-    throw UnusableBag(path + ": " + name + " is of type " + other->type + "; expected " + type);
+  const auto check = [&](const std::string& name, const char* type, const auto& is_right) {
+    for (const bag::Topic& topic : messages.topics()) {
+      if (topic.name != name || is_right(topic)) continue;
+      throw UnusableBag(path + ": " + name + " is of type " + topic.type + "; expected " + type +
+                        (topic.type == type ? " with the md5sum of this machine's" : ""));
+    }
   };
-  if (readings_.usesRange()) check(options_.range_topic, "sensor_msgs/Range");
-  if (readings_.usesImu()) check(options_.imu_topic, "sensor_msgs/Imu");
+  if (readings_.usesRange()) {
+    check(options_.range_topic, "sensor_msgs/Range", bag::isOf<sensor_msgs::Range>);
+  }
+  if (readings_.usesImu()) {
+    check(options_.imu_topic, "sensor_msgs/Imu", bag::isOf<sensor_msgs::Imu>);
+  }
 }
 
 void BagMotion::readMessages(const std::string& path) {
@@ -136,26 +173,38 @@ void BagMotion::readMessages(const std::string& path) {
   BagMessages messages(path);
   checkTypes(path, messages);
   messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
+  std::vector<sensor_msgs::Range> ranges;
+  std::vector<sensor_msgs::Imu> imus;
+  std::vector<geometry_msgs::TransformStamped> transforms;
   while (const auto message = messages.next()) {
     if (const auto range = message->as<sensor_msgs::Range>()) {
-      ranges_.push_back(*range);
+      ranges.push_back(*range);
     } else if (const auto imu = message->as<sensor_msgs::Imu>()) {
-      imus_.push_back(*imu);
+      imus.push_back(*imu);
     } else if (const auto tf = message->as<tf2_msgs::TFMessage>()) {
       const bool is_static = message->topic() == "/tf_static";
       for (const auto& each : tf->transforms) {
         if (is_static) tf_.setTransform(each, "bag", true);
-        if (!is_static) transforms_.push_back(each);
+        if (!is_static) transforms.push_back(each);
       }
     }
   }
+  ranges_ = ranges;
+  imus_ = imus;
+  transforms_ = transforms;
 }
 
 void BagMotion::passOn(const ros::Time& time) {
-  const ros::Time until = time + ros::Duration(options_.config.max_age);
-  passUntil(until, ranges_, [this](const auto& range) { readings_.add(range); });
-  passUntil(until, imus_, [this](const auto& imu) { readings_.add(imu); });
-  passUntil(until, transforms_, [this](const auto& each) { tf_.setTransform(each, "bag"); });
+  const double max_age = options_.config.max_age;
+  const bool is_last = time.toSec() + max_age >= ros::TIME_MAX.toSec();
+  const ros::Time until = is_last ? ros::TIME_MAX : time + ros::Duration(max_age);
+  const bool restarted = last_.toSec() - time.toSec() > kWentBack;
+  if (restarted && transforms_.goesOn()) tf_.clear();
+  last_ = time;
+  ranges_.passUntil(until, restarted, [this](const auto& range) { readings_.add(range); });
+  imus_.passUntil(until, restarted, [this](const auto& imu) { readings_.add(imu); });
+  transforms_.passUntil(until, restarted,
+                        [this](const auto& each) { tf_.setTransform(each, "bag"); });
 }
 
 void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) {
@@ -194,8 +243,8 @@ void BagMotion::count(bool is_known, const std::string& reason) {
   if (frames++ == 0) first = text;
 }
 
-void BagMotion::close() {
-  if (!options_.path.empty()) files::writeText(options_.path, header() + rows_, options_.force);
+void BagMotion::close(files::Outputs& outputs) {
+  if (!options_.path.empty()) outputs.writeText(options_.path, header() + rows_);
 }
 
 std::string BagMotion::report() const {

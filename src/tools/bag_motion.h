@@ -7,8 +7,10 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "bag/reader.h"
+#include "files/output_file.h"
 #include "ros/ground_readings.h"
 #include "ros/message_conversion.h"
 #include "tools/matcher_cli.h"
@@ -21,7 +23,6 @@ struct MotionFile {
   std::string range_topic;  ///< empty: range beside the images
   std::string imu_topic;    ///< empty: imu beside the images
   GroundMotionConfig config = groundMotionDefaults();
-  bool force = false;  ///< may overwrite it
 };
 
 void addMotionArguments(CLI::App& app, MotionFile& motion);
@@ -37,13 +38,29 @@ class BagMotion {
 
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.
-  void close();
+  void close(files::Outputs& outputs);
   /// A table was wanted, and no frame has a motion.
   bool foundNone() const { return !options_.path.empty() && known_ == 0; }
   /// The outcome in lines for users; empty if nothing was wanted.
   std::string report() const;
 
  private:
+  /// Messages of one kind by their stamps; one that is dated ahead keeps no other waiting. Where
+  /// the clock was set back, a part of its own begins.
+  template <typename Message>
+  class Readings {
+   public:
+    Readings() = default;
+    Readings(const std::vector<Message>& arrived);  // NOLINT: the same in another order
+    /// Uses and removes all up to `time`. `restarted`: the images have gone on to the next part.
+    template <typename Use>
+    void passUntil(const ros::Time& time, bool restarted, const Use& use);
+    bool goesOn() const { return parts_.size() > 1; }
+
+   private:
+    std::deque<std::multimap<ros::Time, Message>> parts_;
+  };
+
   void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
   /// Hands over what was recorded until a little after `time`.
@@ -56,9 +73,10 @@ class BagMotion {
   GroundMotion motion_;
   sensor_msgs::CameraInfo info_;
   Pixels pixels_ = Pixels::raw;
-  std::deque<sensor_msgs::Range> ranges_;
-  std::deque<sensor_msgs::Imu> imus_;
-  std::deque<geometry_msgs::TransformStamped> transforms_;
+  Readings<sensor_msgs::Range> ranges_;
+  Readings<sensor_msgs::Imu> imus_;
+  Readings<geometry_msgs::TransformStamped> transforms_;
+  ros::Time last_;  // of the newest image
   std::string rows_;
   /// What was wrong with frames, without its numbers: how many, and the first in full.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;

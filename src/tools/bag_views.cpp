@@ -60,8 +60,7 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
       ->type_name("FILE");
 }
 
-void completeViewOptions(const CLI::App& app, ViewOptions& views, bool force) {
-  views.force = force;
+void completeViewOptions(const CLI::App& app, ViewOptions& views) {
   views.whole = app.get_option("--stabilizer_lag")->count() == 0;
   if (!views.video.empty() && views.whole && !hasSteadyPath()) {
     throw std::invalid_argument(
@@ -80,10 +79,11 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
   steps.clear();
 }
 
-SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen)
+SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs)
     : options_(options),
       reopen_(std::move(reopen)),
-      video_(options.video, options.rate, options.force),
+      outputs_(outputs),
+      video_(options.video, options.rate, outputs),
       path_(kPath),
       stabilizer_(options.stabilizer) {}
 
@@ -189,9 +189,8 @@ void SteadyVideo::close() {
   after_.finishPart(size_);
   if (!video_.empty()) video_.close();
   if (options_.warps.empty()) return;
-  files::writeText(options_.warps,
-                   std::string("stamp,starts_anew,") + files::kHomographyColumns + '\n' + warps_,
-                   options_.force);
+  outputs_.writeText(options_.warps,
+                     std::string("stamp,starts_anew,") + files::kHomographyColumns + '\n' + warps_);
 }
 
 std::string SteadyVideo::report() const {
@@ -215,9 +214,9 @@ std::string mosaicOf(const std::string& path, std::size_t number) {
   return (first.parent_path() / name).string();
 }
 
-BagViews::BagViews(const ViewOptions& options, Reopen reopen)
-    : options_(options), mosaic_(options.map) {
-  if (!options.video.empty()) steady_.emplace(options, std::move(reopen));
+BagViews::BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs)
+    : options_(options), outputs_(outputs), mosaic_(options.map) {
+  if (!options.video.empty()) steady_.emplace(options, std::move(reopen), outputs);
   if (!options.mosaic.empty()) {
     mosaic_.onFinishedMap([this](const cv::Mat& image) { writeMap(image); });
   }
@@ -246,34 +245,29 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
 }
 
 void BagViews::writeMap(const cv::Mat& image) {
-  const std::string path = mosaicOf(options_.mosaic, maps_.size() + 1);
-  maps_.push_back(std::make_unique<files::OutputFile>(path, options_.force));
-  files::writeImage(*maps_.back(), image);
+  outputs_.writeImage(mosaicOf(options_.mosaic, ++maps_), image);
 }
 
 void BagViews::close() {
   const cv::Mat map = options_.mosaic.empty() ? cv::Mat() : mosaic_.image();
   if (!map.empty()) writeMap(map);
-  for (const auto& file : maps_) file->commit();
   if (steady_) steady_->close();
   if (!options_.mosaic_poses.empty()) {
-    files::writeText(
-        options_.mosaic_poses,
-        std::string("stamp,placement,map,") + files::kHomographyColumns + '\n' + poses_,
-        options_.force);
+    outputs_.writeText(options_.mosaic_poses, std::string("stamp,placement,map,") +
+                                                  files::kHomographyColumns + '\n' + poses_);
   }
 }
 
 std::string BagViews::report() const {
   std::string text;
   if (steady_) text += steady_->report();
-  if (!options_.mosaic.empty() && maps_.empty()) {
+  if (!options_.mosaic.empty() && maps_ == 0) {
     text += options_.mosaic + ": not written, since no image could be used\n";
   } else if (!options_.mosaic.empty()) {
     text += options_.mosaic;
-    if (maps_.size() > 1) {
-      text += " to " + mosaicOf(options_.mosaic, maps_.size()) + ": " +
-              std::to_string(maps_.size()) + " maps, each in a file; the last";
+    if (maps_ > 1) {
+      text += " to " + mosaicOf(options_.mosaic, maps_) + ": " + std::to_string(maps_) +
+              " maps, each in a file; the last";
     }
     text += util::format(
         ": %dx%d px; %zu frames, %zu of them lost, %zu keyframes, %.2f ms a frame%s\n",

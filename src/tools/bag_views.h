@@ -35,14 +35,13 @@ struct ViewOptions {
   std::string mosaic;        ///< png, of the first map; mosaicOf names those of further maps
   std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
   MosaicOptions map;
-  bool force = false;  ///< may overwrite files
 };
 
 /// Adds --stabilize, --mosaic and what belongs to them.
 void addViewOptions(CLI::App& app, ViewOptions& views);
 /// To be called after parsing. Throws std::invalid_argument for options that this build cannot
 /// fulfil.
-void completeViewOptions(const CLI::App& app, ViewOptions& views, bool force);
+void completeViewOptions(const CLI::App& app, ViewOptions& views);
 
 /// Opens the recording again, from its beginning.
 using Reopen = std::function<std::unique_ptr<ImageSource>()>;
@@ -51,7 +50,7 @@ using Reopen = std::function<std::unique_ptr<ImageSource>()>;
 /// read a second time, when all motions are known.
 class SteadyVideo {
  public:
-  SteadyVideo(const ViewOptions& options, Reopen reopen);
+  SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
   /// The next image of `size`, at `stamp` ns, and its homography from the reference, if found.
   /// Throws RefusedImage and FileError.
@@ -85,6 +84,7 @@ class SteadyVideo {
 
   ViewOptions options_;
   Reopen reopen_;
+  files::Outputs& outputs_;
   tools::VideoFile video_;
   FramePath path_;
   std::vector<Frame> frames_;  ///< of the whole recording
@@ -109,8 +109,8 @@ std::string mosaicOf(const std::string& path, std::size_t number);
 /// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
 class BagViews {
  public:
-  /// `reopen`: for the steady video.
-  BagViews(const ViewOptions& options, Reopen reopen);
+  /// `reopen`: for the steady video. `outputs` must live longer.
+  BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
   /// The next image, with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
@@ -123,9 +123,10 @@ class BagViews {
   void writeMap(const cv::Mat& image);
 
   ViewOptions options_;
+  files::Outputs& outputs_;
   std::optional<SteadyVideo> steady_;
   Mosaic mosaic_;
-  std::vector<std::unique_ptr<files::OutputFile>> maps_;  // complete, but without their names
+  std::size_t maps_ = 0;  // written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
   std::size_t ambiguous_ = 0;  // of the lost ones: the ground repeats

@@ -104,10 +104,10 @@ std::string textOf(const ros::Time& time) {
 }
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
-                         bool force)
-    : bag_file_(bag, force), prefix_(prefix + "/") {
+                         files::Outputs& outputs)
+    : outputs_(outputs), bag_file_(outputs.add(bag)), prefix_(prefix + "/") {
   const bool to_file = !csv.empty() && !files::isStandardOutput(csv);
-  if (to_file) csv_file_.emplace(csv, force);
+  if (to_file) csv_file_ = &outputs.add(csv);
   try {
     bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {
@@ -134,12 +134,12 @@ void MatchWriter::close() {
   } catch (const rosbag::BagException& error) {
     files::throwUnwritable(bag_file_, error.what());
   }
-  if (csv_file_) {
+  if (csv_file_ != nullptr) {
     csv_text_.close();
     if (!csv_text_) files::throwUnwritable(*csv_file_, "an earlier part of it could not");
-    csv_file_->commit();
+    outputs_.complete(*csv_file_);
   }
-  bag_file_.commit();
+  outputs_.complete(bag_file_);
 }
 
 template <typename Message>
@@ -190,7 +190,8 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   for (const double h : messages.homography->homography) row.add(h, kExact);
   addTwoView(messages.two_view.get(), row);
   *csv_ << row.skip(1).line();
-  if (csv_file_ && !*csv_) files::throwUnwritable(*csv_file_, "an earlier part of it could not");
+  if (csv_file_ != nullptr && !*csv_)
+    files::throwUnwritable(*csv_file_, "an earlier part of it could not");
 }
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {

@@ -6,7 +6,6 @@
 #include <fstream>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "files/output_file.h"
@@ -21,10 +20,10 @@ std::string textOf(const ros::Time& time);
 class MatchWriter {
  public:
   /// `prefix`: of the topics, for example "/camera/matcher". `csv`: path of the table, "-":
-  /// standard output, empty: none. `force`: existing files may be overwritten. All functions throw
+  /// standard output, empty: none. `outputs` must live longer. All functions throw
   /// std::runtime_error with the name of a file that cannot be written.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
-              bool force);
+              files::Outputs& outputs);
   ~MatchWriter();
   MatchWriter(const MatchWriter&) = delete;
   MatchWriter& operator=(const MatchWriter&) = delete;
@@ -36,7 +35,7 @@ class MatchWriter {
   /// A refused frame has a line only in the table.
   void writeRefused(const std_msgs::Header& header, const std::string& reason);
 
-  /// Completes both files and gives them their names.
+  /// Completes both files.
   void close();
 
  private:
@@ -44,8 +43,9 @@ class MatchWriter {
   void writeMessage(const std::string& topic, const ros::Time& time, Message& message);
   void writeLine(const FrameMessages& messages);
 
-  files::OutputFile bag_file_;
-  std::optional<files::OutputFile> csv_file_;
+  files::Outputs& outputs_;
+  files::OutputFile& bag_file_;
+  files::OutputFile* csv_file_ = nullptr;
   std::unique_ptr<rosbag::Bag> bag_;
   std::ofstream csv_text_;
   std::ostream* csv_ = nullptr;                    // null: no table

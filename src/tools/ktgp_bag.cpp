@@ -5,6 +5,7 @@
 #include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <deque>
 #include <filesystem>
@@ -67,6 +68,10 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
     return openImages(arguments.in, arguments.selection,
                       arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
   }
+  std::error_code none;
+  if (std::filesystem::is_directory(arguments.in, none)) {
+    throw files::FileError(arguments.in, files::unreadableFormat(arguments.in));
+  }
   files::requireRegularFile(arguments.in);
   if (kind == InputKind::video) {
     return openVideo(arguments.in, arguments.selection, arguments.rate);
@@ -117,7 +122,8 @@ class Run {
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
       const Configuration& configuration, const std::optional<sensor_msgs::CameraInfo>& camera,
       int threads)
-      : source_(std::move(source)),
+      : outputs_(arguments.force),
+        source_(std::move(source)),
         matcher_(configuration),
         pipeline_(configuration,
                   configuration.sequence.reference.mode == ReferenceMode::fixed
@@ -125,8 +131,9 @@ class Run {
                       : nullptr,
                   threads),
         writer_(arguments.out, arguments.csv,
-                outputNames(arguments.name, source_->topic(), "matcher"), arguments.force),
-        views_(arguments.views, [&arguments] { return openInput(arguments); }),
+                outputNames(arguments.name, source_->topic(), "matcher"), outputs_),
+        views_(
+            arguments.views, [&arguments] { return openInput(arguments); }, outputs_),
         motion_(arguments.motion, arguments.in, source_->topic(), camera),
         targets_(arguments.targets, arguments.in, source_->topic(), camera),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
@@ -134,9 +141,10 @@ class Run {
         view_(configuration.view),
         finds_motions_(configuration.sequence.matcher.geometry != GeometryModel::homography),
         draws_overlay_(arguments.overlay),
-        discards_interrupted_(arguments.skip_finished) {
+        discards_interrupted_(arguments.skip_finished),
+        max_age_(configuration.sequence.reference.max_age) {
     if (!arguments.draw.empty()) {
-      drawing_.emplace(arguments.draw, pictureRate(arguments), arguments.force);
+      drawing_.emplace(arguments.draw, pictureRate(arguments), outputs_);
     }
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -157,9 +165,10 @@ class Run {
     while (!waiting_.empty()) finishOldest();
     if (tools::interrupted() && discards_interrupted_) return tools::kExitInterrupted;
     views_.close();
-    motion_.close();
+    motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
     writer_.close();  // last: where OUT.bag has its name, the other files have theirs
+    outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
     const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
@@ -171,6 +180,7 @@ class Run {
               << " images of " << source_->topic() << " matched, " << refused_ << " refused, "
               << skipped_ << " skipped by max_rate; results in " << arguments.out << '\n'
               << summary() << views_.report() << motion_.report() << targets_.report();
+    if (!source_->note().empty()) std::cerr << "ktgp_bag: " << source_->note() << '\n';
     if (refused_ > 0) {
       std::cerr << "ktgp_bag: " << arguments.in << ": " << refused_
                 << " images could not be used, the first because: " << refusal_ << '\n';
@@ -216,11 +226,22 @@ class Run {
           (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " + toString(status);
     }
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
+    others += noteOnGaps();
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return successes(found) +
            util::format(", median of %.0f inliers, %.2f ms an image", evaluation::median(inliers_),
                         evaluation::median(milliseconds_)) +
            others + '\n';
+  }
+
+  /// Of a recording whose images are seldom; empty for others.
+  std::string noteOnGaps() const {
+    const double step = evaluation::median(steps_);
+    if (gaps_ == 0 || step <= max_age_) return {};
+    return util::format(
+        "\n%zu images have no reference: they are about %.3g s apart, and max_reference_age is "
+        "%.3g s; expected a larger one (--max_reference_age %.3g)",
+        gaps_, step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
   /// Said once: a camera_info that the images do not fit.
@@ -264,6 +285,10 @@ class Run {
     const cv::Size size = frame->image.size();
     longer_side_ = std::max({longer_side_, size.width, size.height});
     count(messages);
+    gaps_ += messages.statistics->reason == static_cast<std::uint8_t>(NoReference::gap) ? 1 : 0;
+    const ros::Time& stamp = recorded.image->header.stamp;
+    if (matched_ > 1) steps_.push_back((stamp - last_stamp_).toSec());
+    last_stamp_ = stamp;
     views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
@@ -285,6 +310,7 @@ class Run {
     if (doubt != Doubt::none) ++doubts_[doubt];
   }
 
+  files::Outputs outputs_;
   std::unique_ptr<ImageSource> source_;
   MessageMatcher matcher_;
   FramePipeline pipeline_;
@@ -309,6 +335,10 @@ class Run {
   std::vector<double> inliers_;       // where a geometry was found
   std::vector<double> parallaxes_;    // degrees, of motions
   std::vector<double> milliseconds_;  // of all images
+  std::vector<double> steps_;         // s, from one image to the next
+  ros::Time last_stamp_;
+  std::size_t gaps_ = 0;  // images after a longer time than max_age_
+  double max_age_;
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
@@ -344,6 +374,11 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
   configuration.view.file_mask = readMaskFile(parameters.mask_image);
+  const std::string idle = idleMask(configuration.view.file_mask);
+  if (!idle.empty()) {
+    std::cerr << "ktgp_bag: mask_image " + util::printable(parameters.mask_image) + ": it " + idle +
+                     '\n';
+  }
   if (parameters.rectify) {
     if (kindOf(bag) != InputKind::bag) {
       throw std::invalid_argument(bag + ": rectify needs camera_info, which only a bag has");
@@ -373,8 +408,6 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
 }
 
 int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
-  std::string& topic = arguments.selection.topic;
-  if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
   checkFiles(plan, arguments);
   if (!arguments.motion.path.empty() && kindOf(arguments.in) != InputKind::bag) {
@@ -507,12 +540,12 @@ int run(int argc, char** argv) {
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments);
-  completeViewOptions(app, arguments.views, arguments.force);
-  arguments.motion.force = arguments.force;
+  completeViewOptions(app, arguments.views);
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
   std::error_code none;  // a name that cannot be used is refused later
-  if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none)) {
+  if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
+      !files::isInterrupted(arguments.out)) {
     std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
     return tools::kExitDone;
   }

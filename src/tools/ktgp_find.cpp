@@ -6,10 +6,10 @@
 
 #include "files/input.h"
 #include "files/output_file.h"
+#include "files/target_list.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
-#include "files/target_list.h"
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 #include "util/camera_check.h"
@@ -211,14 +211,16 @@ int findTargets(int argc, char** argv) {
   }
   const TargetFrame& frame = finder.find(image);
   if (!files::isStandardOutput(arguments.json)) print(frame, arguments);
+  files::Outputs outputs(arguments.force);
   if (!arguments.json.empty()) {
-    files::writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
+    outputs.writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2));
   }
   if (!arguments.draw.empty()) {
     cv::Mat canvas;
     drawTargets(files::readForView(arguments.image), frame.detections, canvas);
-    files::writeImage(arguments.draw, canvas, arguments.force);
+    outputs.writeImage(arguments.draw, canvas);
   }
+  outputs.commit();
   return isFound(frame) ? kExitDone : kExitUnusedData;
 }
 

@@ -132,13 +132,13 @@ std::string toCsv(const Outcome& outcome) {
 }
 
 void writeFiles(const Arguments& arguments, const Outcome& outcome) {
+  files::Outputs outputs(arguments.force);
   if (!arguments.json.empty()) {
-    files::writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2),
-                     arguments.force);
+    outputs.writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2));
   }
-  if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(outcome), arguments.force);
+  if (!arguments.csv.empty()) outputs.writeText(arguments.csv, toCsv(outcome));
   if (arguments.draw.empty() && arguments.draw_stages.empty() && arguments.draw_final.empty()) {
-    return;
+    return outputs.commit();
   }
   const cv::Mat reference_image = files::readForView(arguments.reference);
   const cv::Mat target_image = files::readForView(arguments.target);
@@ -147,16 +147,17 @@ void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
     drawOverlay(reference, target, outcome.pair.match, OverlayStyle::side_by_side, canvas);
-    files::writeImage(arguments.draw, canvas, arguments.force);
+    outputs.writeImage(arguments.draw, canvas);
   }
   if (!arguments.draw_stages.empty()) {
     drawStages(reference, target, outcome.pair.match, canvas);
-    files::writeImage(arguments.draw_stages, canvas, arguments.force);
+    outputs.writeImage(arguments.draw_stages, canvas);
   }
   if (!arguments.draw_final.empty()) {
     drawLevel(reference, target, outcome.pair.match, Level::ktgp, canvas);
-    files::writeImage(arguments.draw_final, canvas, arguments.force);
+    outputs.writeImage(arguments.draw_final, canvas);
   }
+  outputs.commit();
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {

@@ -45,6 +45,8 @@ int runProgram(const char* name, const std::function<int()>& program) {
   // A reader that has seen enough ("| head") must not leave half a file: the other outputs are
   // completed.
   std::signal(SIGPIPE, SIG_IGN);
+  // A file beyond the limit of the shell (ulimit -f) is then an error of writing, with its reason.
+  std::signal(SIGXFSZ, SIG_IGN);
   const int code = runAndReport(name, program);
   std::cout.flush();
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0 || !std::cout) {

@@ -6,8 +6,8 @@
 
 namespace ktgp_orb::tools {
 
-VideoFile::VideoFile(const std::string& path, double rate, bool force)
-    : path_(path), rate_(rate), file_(path, force) {}
+VideoFile::VideoFile(const std::string& path, double rate, files::Outputs& outputs)
+    : path_(path), rate_(rate), outputs_(outputs), file_(outputs.add(path)) {}
 
 // H.264 if there is an encoder, since browsers do not show MPEG-4; it needs even sides.
 void VideoFile::open(const cv::Size& size) {
@@ -42,7 +42,7 @@ void VideoFile::close() {
   if (!written.isOpened() || written.get(cv::CAP_PROP_FRAME_COUNT) < frames_) {
     files::throwUnwritable(file_, "the video lacks frames; expected more space on the disk");
   }
-  file_.commit();
+  outputs_.complete(file_);
 }
 
 }  // namespace ktgp_orb::tools

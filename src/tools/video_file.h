@@ -8,18 +8,18 @@
 
 namespace ktgp_orb::tools {
 
-/// An mp4 video that gets its name only when it is complete.
+/// An mp4 video.
 class VideoFile {
  public:
-  /// `rate`: frames per second; `force`: see OutputFile. Throws FileError if the file cannot be
+  /// `rate`: frames per second; `outputs` must live longer. Throws FileError if the file cannot be
   /// written.
-  VideoFile(const std::string& path, double rate, bool force);
+  VideoFile(const std::string& path, double rate, files::Outputs& outputs);
 
   /// Adds a frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
   /// Throws FileError if this OpenCV cannot write mp4.
   void write(const cv::Mat& frame);
   bool empty() const { return !writer_.isOpened(); }
-  /// Throws FileError, also if no frame was written.
+  /// Completes it. Throws FileError, also if no frame was written.
   void close();
 
  private:
@@ -27,7 +27,8 @@ class VideoFile {
 
   std::string path_;
   double rate_;
-  files::OutputFile file_;
+  files::Outputs& outputs_;
+  files::OutputFile& file_;
   cv::VideoWriter writer_;
   cv::Size size_;
   double frames_ = 0.0;  // written

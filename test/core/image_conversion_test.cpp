@@ -86,6 +86,12 @@ cv::Mat uyvy() {
   return out;
 }
 
+cv::Mat yuyv() {
+  cv::Mat out;
+  cv::merge(std::vector<cv::Mat>{grey(), cv::Mat(kHeight, kWidth, CV_8U, cv::Scalar(128))}, out);
+  return out;
+}
+
 boost::shared_ptr<sensor_msgs::Image> messageOf(const std::string& encoding, const cv::Mat& pixels,
                                                 int padding = 0) {
   auto message = boost::make_shared<sensor_msgs::Image>();
@@ -127,7 +133,9 @@ std::map<std::string, Expectation> taken() {
   all["rgba8"] = {withAlpha(rgb), mixed};
   all["rgb16"] = {sixteenBits(rgb), mixed};
   all["rgba16"] = {sixteenBits(withAlpha(rgb)), mixed};
-  all["yuv422"] = {uyvy(), grey()};
+  for (const char* name : {"yuv422", "uyvy"}) all[name] = {uyvy(), grey()};
+  for (const char* name : {"yuv422_yuy2", "yuyv"}) all[name] = {yuyv(), grey()};
+  for (const char* name : {"nv12", "nv21", "nv24"}) all[name] = {grey(), grey()};
   const std::map<std::string, cv::Mat> patterns{{"bayer_rggb", bayer(0, 0)},
                                                 {"bayer_grbg", bayer(1, 0)},
                                                 {"bayer_gbrg", bayer(0, 1)},
@@ -186,7 +194,7 @@ TEST(Encodings, TakenOnesBecomeTheirGrey) {
 
 TEST(Encodings, RefusedOnesAreNamed) {
   std::set<std::string> names = kRefused;
-  names.insert({"", "no such encoding", "yuv422_yuy2", "jpeg"});
+  names.insert({"", "no such encoding", "yuv420", "jpeg"});
   for (const std::string& name : names) {
     const auto message = messageOf(name, cv::Mat::zeros(kHeight, kWidth, CV_64FC4));
     for (const std::string& words : {"'" + name + "'", std::string("expected")}) {
@@ -362,10 +370,186 @@ TEST(CompressedImages, KeepDepthColourAndBayerPattern) {
                           image->step);
     EXPECT_EQ(cv::norm(decoded, pixels, cv::NORM_INF), 0.0);
     message.data.resize(message.data.size() / 8);
-    EXPECT_NO_THROW(decodedImage(message));
+    expectRefused<RefusedImage>([&] { decodedImage(message); }, "it has no end");
     message.data.clear();
-    EXPECT_FALSE(decodedImage(message));
+    expectRefused<RefusedImage>([&] { decodedImage(message); }, "has no data");
   }
+}
+
+sensor_msgs::CompressedImage compressed(const std::string& ending, const cv::Mat& pixels) {
+  sensor_msgs::CompressedImage message;
+  message.format = "test";
+  cv::imencode(ending, pixels, message.data);
+  return message;
+}
+
+// OpenCV decodes half a JPEG with grey in place of the rest.
+TEST(CompressedImages, HalfOfOneIsRefusedAsAFileIs) {
+  for (const char* ending : {".jpg", ".png"}) {
+    sensor_msgs::CompressedImage message = compressed(ending, grey());
+    EXPECT_NO_THROW(decodedImage(message));
+    message.data.resize(message.data.size() * 3 / 5);
+    expectRefused<RefusedImage>([&] { decodedImage(message); },
+                                "compressed image (format \"test\") is damaged or cut off");
+    const sensor_msgs::ImageConstPtr none =
+        undecodedImage({}, RefusedImage("compressed image of a test"));
+    for (const auto& use : std::vector<std::function<void()>>{
+             [&] { greyImage(none); }, [&] { warpableImage(none); }, [&] { colourImage(none); }}) {
+      EXPECT_EQ(refusalOf<RefusedImage>(use), "compressed image of a test");
+    }
+  }
+}
+
+// A large picture of one colour is small when compressed.
+TEST(CompressedImages, AreBoundedBeforeTheyAreDecoded) {
+  const cv::Mat fits = cv::Mat::zeros(8000, 8000, CV_8UC1);
+  const cv::Mat large = cv::Mat::zeros(8000, 8001, CV_8UC1);
+  for (const char* ending : {".png", ".jpg", ".bmp", ".tiff", ".webp"}) {
+    SCOPED_TRACE(ending);
+    EXPECT_EQ(decodedImage(compressed(ending, fits))->width, 8000u);
+    expectRefused<RefusedImage>([&] { decodedImage(compressed(ending, large)); },
+                                "has 64.0 megapixels; expected 64 at most");
+  }
+  sensor_msgs::CompressedImage bomb = compressed(".png", grey());
+  for (const std::size_t byte : {16, 20}) bomb.data[byte] = 0x7f;  // both sides beyond 2^30 px
+  expectRefused<RefusedImage>([&] { decodedImage(bomb); }, "megapixels; expected 64 at most");
+  expectRefused<RefusedImage>([&] { decodedImage(compressed(".ppm", colour(1, 2, 3))); },
+                              "is no JPEG, PNG, TIFF, WebP or BMP");
+}
+
+TEST(CompressedImages, OfDepthLoseTheirHeader) {
+  const cv::Mat wide = sixteenBits(grey());
+  sensor_msgs::CompressedImage message = compressed(".png", wide);
+  message.data.insert(message.data.begin(), 12, 0);
+  message.format = "16UC1; compressedDepth png";
+  const sensor_msgs::ImageConstPtr image = decodedImage(message);
+  EXPECT_EQ(image->encoding, "16UC1");
+  EXPECT_EQ(difference(greyImage(image, kAsTheyAre), grey()), 0.0);
+  message.format = "32FC1; compressedDepth png";
+  expectRefused<RefusedImage>([&] { decodedImage(message); }, "is depth in floats");
+  message.format = "16UC1; compressedDepth rvl";
+  message.data.assign(500, 7);
+  expectRefused<RefusedImage>([&] { decodedImage(message); },
+                              "(format \"16UC1; compressedDepth rvl\") is no JPEG");
+}
+
+TEST(YuvImages, KeepTheirColoursForViews) {
+  cv::Mat planes(kHeight * 3 / 2, kWidth, CV_8UC1, cv::Scalar(90));
+  for (const bool nv21 : {false, true}) {
+    cv::Mat chroma(kHeight / 2, kWidth / 2, CV_8UC2,
+                   nv21 ? cv::Scalar(200, 128) : cv::Scalar(128, 200));
+    std::copy_n(chroma.data, chroma.total() * 2, planes.ptr(kHeight));
+    auto message = messageOf(nv21 ? "nv21" : "nv12", planes);
+    message->height = kHeight;
+    for (const cv::Mat& picture : {colourImage(message), warpableImage(message)->image}) {
+      ASSERT_EQ(picture.size(), cv::Size(kWidth, kHeight));
+      const cv::Scalar mean = cv::mean(picture);
+      EXPECT_GT(mean[2] - mean[0], 60.0) << message->encoding << " is red";
+    }
+    message->data.resize(kWidth * kHeight);
+    EXPECT_EQ(warpableImage(message)->encoding, "mono8") << "without its colours";
+  }
+  cv::Mat red = yuyv();
+  for (int x = 1; x < kWidth; x += 2) {
+    for (int y = 0; y < kHeight; ++y) red.at<cv::Vec2b>(y, x)[1] = 220;
+  }
+  const cv::Scalar mean = cv::mean(colourImage(messageOf("yuv422_yuy2", red)));
+  EXPECT_GT(mean[2] - mean[0], 60.0);
+  const auto odd = messageOf("yuyv", red(cv::Rect(0, 0, kWidth - 1, kHeight)));
+  expectRefused<RefusedImage>([&] { greyImage(odd); }, "expected an even one for yuyv");
+}
+
+/// Its right half is hidden, under other pixels.
+cv::Mat halfHidden(const cv::Mat& pixels, int type) {
+  cv::Mat out(pixels.size(), type, cv::Scalar::all(0));
+  const double white = CV_MAT_DEPTH(type) == CV_8U ? 255.0 : 65535.0;
+  cv::Mat wide;
+  pixels.convertTo(wide, CV_MAT_DEPTH(type), white / 255.0);
+  cv::merge(std::vector<cv::Mat>{wide, wide, wide, cv::Mat(wide.size(), wide.type(), white)}, out);
+  cv::Mat opacity(wide.size(), wide.type(), cv::Scalar(white));
+  opacity(cv::Rect(kWidth / 2, 0, kWidth / 2, kHeight)).setTo(0.0);
+  cv::insertChannel(opacity, out, 3);
+  return out;
+}
+
+TEST(Opacity, WhatItHidesIsNotPartOfAnImage) {
+  const cv::Mat noise = test::noiseImage({kWidth, kHeight}, 5);
+  const cv::Rect seen(0, 0, kWidth / 2, kHeight),
+      hidden(kWidth / 2 + 4, 0, kWidth / 2 - 4, kHeight);
+  const auto roughness = [](const cv::Mat& part) {
+    cv::Mat edges;
+    cv::Laplacian(part, edges, CV_32F);
+    return cv::norm(edges, cv::NORM_L1) / static_cast<double>(part.total());
+  };
+  for (const auto& [encoding, type] : std::map<std::string, int>{
+           {"bgra8", CV_8UC4}, {"rgba8", CV_8UC4}, {"8UC4", CV_8UC4}, {"bgra16", CV_16UC4}}) {
+    const cv::Mat found = greyImage(messageOf(encoding, halfHidden(noise, type)), kAsTheyAre);
+    EXPECT_LE(cv::norm(found(seen), noise(seen), cv::NORM_INF), 1.0) << encoding;
+    EXPECT_LT(roughness(found(hidden)), 0.1 * roughness(noise(hidden))) << encoding;
+  }
+  // Drivers leave it zero.
+  cv::Mat zero = withAlpha(colour(40, 120, 200));
+  cv::insertChannel(cv::Mat(zero.size(), CV_8UC1, cv::Scalar(0)), zero, 3);
+  EXPECT_LE(difference(greyImage(messageOf("bgra8", zero)), expectedOfColour()), 2.0);
+}
+
+TEST(Opacity, OfAFileHidesInEveryReader) {
+  const std::string path = ::testing::TempDir() + "ktgp_orb_opacity_test.png";
+  const cv::Mat noise = test::noiseImage({kWidth, kHeight}, 5);
+  const cv::Rect hidden(kWidth / 2 + 4, 0, kWidth / 2 - 4, kHeight);
+  for (const int type : {CV_8UC4, CV_16UC4}) {
+    ASSERT_TRUE(cv::imwrite(path, halfHidden(noise, type)));
+    for (const cv::Mat& read : {files::readGrey(path), files::readForView(path),
+                                greyImage(readImageFile("reference_image", path))}) {
+      cv::Mat deviation, mean;
+      cv::meanStdDev(read(hidden), mean, deviation);
+      EXPECT_LT(deviation.at<double>(0), 15.0) << type;
+    }
+    EXPECT_EQ(cv::countNonZero(readMaskFile(path)(hidden)), 0) << "a mask hides there";
+  }
+  ASSERT_TRUE(cv::imwrite(path, cv::Mat(kHeight, kWidth, CV_8UC4, cv::Scalar(90, 80, 70, 0))));
+  expectRefused<std::runtime_error>([&] { files::readGrey(path); }, "is transparent everywhere");
+  std::remove(path.c_str());
+}
+
+TEST(Masks, ThatHideAllOrNothingAreNamed) {
+  const std::string path = ::testing::TempDir() + "ktgp_orb_mask_test.png";
+  for (const int type : {CV_8UC1, CV_16UC3}) {
+    ASSERT_TRUE(cv::imwrite(path, cv::Mat::zeros(kHeight, kWidth, type)));
+    expectRefused<RefusedImage>([&] { readMaskFile(path); }, "hides the whole image");
+    ASSERT_TRUE(cv::imwrite(path, cv::Mat(kHeight, kWidth, type, cv::Scalar::all(1))));
+    EXPECT_EQ(idleMask(readMaskFile(path)).rfind("hides nothing: only black (0)", 0), 0u);
+  }
+  EXPECT_EQ(idleMask({}), "");
+  cv::Mat one(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+  one.at<uchar>(3, 3) = 0;
+  EXPECT_EQ(idleMask(one), "");
+  std::remove(path.c_str());
+}
+
+TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
+  const std::map<std::string, bool> topics{{"/camera/image_rect", true},
+                                           {"/camera/image_rect_color", true},
+                                           {"/camera/image_rect_color/compressed", true},
+                                           {"/camera/image_rect/compressedDepth", true},
+                                           {"/camera/image_rect/theora", true},
+                                           {"/camera/image_rect/relay", true},
+                                           {"image_rect", true},
+                                           {"image_rect/compressed", true},
+                                           {"/camera/image_raw", false},
+                                           {"/camera/image_raw/compressed", false},
+                                           {"/image_rect/image_raw", false},
+                                           {"/camera/image_color", false},
+                                           {"/rect/front", false},
+                                           {"/", false},
+                                           {"", false}};
+  for (const auto& [topic, is_rectified] : topics) {
+    EXPECT_EQ(pixelsFrom("by_name", topic) == Pixels::rectified, is_rectified) << topic;
+    EXPECT_EQ(pixelsFrom("raw", topic), Pixels::raw);
+    EXPECT_EQ(pixelsFrom("rectified", topic), Pixels::rectified);
+  }
+  EXPECT_EQ(rawTopic("/camera/image_raw/compressedDepth"), "/camera/image_raw");
+  EXPECT_EQ(rawTopic("/camera/image_raw"), "/camera/image_raw");
 }
 
 TEST(Masks, OfAFileAreTakenAtEveryDepth) {

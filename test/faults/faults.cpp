@@ -2,6 +2,7 @@
 // arrange:
 //   KTGP_ORB_FAIL_WRITE=K   the K-th write to a regular file fails: the disk is full, for a moment
 //   KTGP_ORB_FAIL_MARK=FILE which is then made
+//   KTGP_ORB_KILL_AT=K      the K-th call that gives a file a name, or takes one, kills the program
 //   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -14,6 +15,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -34,6 +36,12 @@ bool mustFail(int descriptor) {
   if (const char* mark = std::getenv("KTGP_ORB_FAIL_MARK")) close(creat(mark, 0600));
   errno = ENOSPC;
   return true;
+}
+
+void mayKill() {
+  static const char* const wanted = std::getenv("KTGP_ORB_KILL_AT");
+  static std::atomic<long> left{wanted == nullptr ? 0 : std::atol(wanted)};
+  if (wanted != nullptr && --left == 0) kill(getpid(), SIGKILL);
 }
 
 /// Offset of the wall clock, s.
@@ -64,6 +72,24 @@ ssize_t writev(int descriptor, const iovec* parts, int count) {
 size_t fwrite(const void* bytes, size_t size, size_t count, FILE* file) {
   static const auto real = next<size_t(const void*, size_t, size_t, FILE*)>("fwrite");
   return mustFail(fileno(file)) ? 0 : real(bytes, size, count, file);
+}
+
+int link(const char* from, const char* to) noexcept {
+  static const auto real = next<int(const char*, const char*)>("link");
+  mayKill();
+  return real(from, to);
+}
+
+int rename(const char* from, const char* to) noexcept {
+  static const auto real = next<int(const char*, const char*)>("rename");
+  mayKill();
+  return real(from, to);
+}
+
+int unlink(const char* name) noexcept {
+  static const auto real = next<int(const char*)>("unlink");
+  mayKill();
+  return real(name);
 }
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {

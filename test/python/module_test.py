@@ -202,6 +202,34 @@ class ModuleTest(unittest.TestCase):
         self.assertGreater(len(features), 100)
         self.assertGreaterEqual(features.keypoints[:, 0].min(), 319)
 
+    def test_masked_arrays_are_refused_unless_they_hide_nothing(self):
+        """NumPy would drop their masks."""
+        hidden = np.zeros(self.reference.shape, bool)
+        masked = np.ma.masked_array(self.reference, hidden)
+        self.same(ktgp.match(masked, self.target), ktgp.match(self.reference, self.target))
+        self.same(ktgp.match(np.ma.masked_array(self.reference), self.target), ktgp.match(self.reference, self.target))
+        hidden[:, :100] = True
+        masked = np.ma.masked_array(self.reference, hidden)
+        features = ktgp.Extractor().extract(self.reference)
+        for use, name in ((lambda: ktgp.match(masked, self.target), 'reference'),
+                          (lambda: ktgp.match(self.target, masked), 'target'),
+                          (lambda: ktgp.Extractor().extract(masked), 'image'),
+                          (lambda: ktgp.Extractor().extract(self.reference, masked), 'mask'),
+                          (lambda: ktgp.Sequence().match(masked, 1.0), 'image'),
+                          (lambda: ktgp.Features(np.ma.masked_array(features.keypoints, features.keypoints > 0),
+                                                 features.descriptors, features.image_size), 'keypoints')):
+            with self.assertRaisesRegex(ValueError, name + ' is a masked array with hidden values; expected its .data'):
+                use()
+
+    def test_what_alpha_hides_has_no_keypoints(self):
+        shown = np.full(self.reference.shape, 255, np.uint8)
+        shown[:, 320:] = 0
+        features = ktgp.Extractor().extract(np.dstack([self.reference] * 3 + [shown]))
+        self.assertGreater(len(features.keypoints), 100)
+        self.assertLess(np.mean(features.keypoints[:, 0] > 330), 0.02)
+        zero = np.dstack([self.reference] * 3 + [0 * shown])  # as some drivers leave it
+        self.assertGreater(np.mean(ktgp.Extractor().extract(zero).keypoints[:, 0] > 330), 0.3)
+
     def test_keypoints_to_opencv_and_back(self):
         extractor, matcher = ktgp.Extractor(), ktgp.Matcher(alignment=False)
         found = [extractor.extract(image) for image in (self.reference, self.target)]

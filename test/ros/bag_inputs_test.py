@@ -5,9 +5,13 @@ import os
 import cv2
 import numpy as np
 import rosbag
-from ktgp_testing import FolderCase, messages_of, texture, view, views, write_bag
+import rospy
+from genpy.dynamic import generate_dynamic
+from geometry_msgs.msg import TransformStamped
+from ktgp_testing import FolderCase, image_message, messages_of, texture, view, views, write_bag
 from poster import information
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Image, Range
+from tf2_msgs.msg import TFMessage
 
 FRAMES = 12  # of a 30 Hz camera
 SIZE = 320, 240
@@ -57,6 +61,111 @@ class BagInputsTest(FolderCase):
             topic, message, time = next(iter(bag.read_messages()))
             bag.write('/rear/image', message, time)
         self.run_bag(path, code=2, words='its image topics: %s, /rear/image; choose one with --topic' % topic)
+
+    def test_a_topic_is_written_with_and_without_its_slash(self):
+        """As scripts do; rosbag play publishes both with it."""
+        for topic in ('front/image', '/front/image', 'front//image'):
+            with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+                for i, picture in enumerate(views(4)):
+                    stamp = rospy.Time.from_sec(1000 + i / 30)
+                    for name in (topic, 'rear/image'):
+                        bag.write(name, image_message(picture, stamp), stamp)
+            for given in ('front/image', '/front/image'):
+                with self.subTest(topic=topic, given=given):
+                    self.run_bag('in.bag', '--topic', given, words='4 images of /front/image matched')
+                    self.assertEqual(len(self.output('statistics')), 4)
+        self.run_bag('in.bag', code=2, words='its image topics: /front/image, /rear/image')
+
+    def test_an_image_is_known_by_the_sum_of_its_definition(self):
+        """A copy of sensor_msgs/Image in another package is what nodes take for one; what is not is named."""
+        copy = generate_dynamic('my_msgs/Picture', Image._full_text)['my_msgs/Picture']
+        other = generate_dynamic('my_msgs/OtherImage', 'uint8[] data')['my_msgs/OtherImage']
+        self.assertEqual(copy._md5sum, Image._md5sum)
+
+        def copied(image):
+            return copy(image.header, image.height, image.width, image.encoding, image.is_bigendian, image.step,
+                        image.data)
+
+        self.run_bag(self.write_bag(convert=copied), words='%d images of /front/image matched' % FRAMES)
+        self.run_bag(self.write_bag(convert=lambda image: other(b'abc')), code=2, words=(
+            'its image topics: none', 'of types that are not read: /front/image (my_msgs/OtherImage)'))
+
+    def test_images_without_a_stamp_have_the_times_of_their_arrival(self):
+        for convert in (lambda image: image, compressed):
+            bag = self.write_bag(topic='/front/image/compressed' if convert is compressed else '/front/image',
+                                 convert=convert, stamps=[0] * FRAMES)
+            text = self.run_bag(bag, '--stabilize', 'v.mp4', words='%d homographies' % (FRAMES - 1))
+            self.assertRegex(text, '%d images of .* have the stamp zero; the times of their arrival' % FRAMES)
+            self.assertEqual(cv2.VideoCapture(self.path('v.mp4')).get(cv2.CAP_PROP_FRAME_COUNT), FRAMES)
+            times = [m.header.stamp.to_sec() for m in self.output('statistics')]
+            np.testing.assert_allclose(times, 1000 + np.arange(FRAMES) / 30, atol=1e-6)
+
+    def test_the_calibration_may_come_late(self):
+        """A driver that has none at first sends zeros."""
+        with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+            for i, picture in enumerate(views(FRAMES)):
+                stamp = rospy.Time.from_sec(1000 + i / 30)
+                image, info = image_message(picture, stamp), calibration()
+                info.K = 9 * [0.0] if i < 3 else info.K
+                info.header = image.header
+                bag.write('/front/camera_info', info, stamp)
+                bag.write('/front/image', image, stamp)
+        self.run_bag('in.bag', '--rectify')
+        self.assertEqual({m.rectified for m in self.output('homography')}, {True})
+
+    def test_half_an_image_is_refused_as_a_file_is(self):
+        def cut(image):
+            message = compressed(image)
+            message.data = cv2.imencode('.jpg', np.frombuffer(image.data, np.uint8).reshape(SIZE[::-1]))[1].tobytes()
+            if image.header.stamp.nsecs == 0:
+                message.data = message.data[:len(message.data) // 2]
+            return message
+
+        self.run_bag(self.write_bag(topic='/front/image/compressed', convert=cut), code=1, words=(
+            '%d images of /front/image/compressed matched, 1 refused' % (FRAMES - 1),
+            'is damaged or cut off: it has no end'))
+
+    def test_compressed_depth_is_read_or_named(self):
+        def depth(image, encoding='16UC1; compressedDepth png'):
+            pixels = np.frombuffer(image.data, np.uint8).reshape(SIZE[::-1]).astype(np.uint16)
+            message = CompressedImage(header=image.header, format=encoding)
+            message.data = 12 * b'\0' + cv2.imencode('.png', 1000 + 10 * pixels)[1].tobytes()
+            return message
+
+        self.run_bag(self.write_bag(topic='/front/image/compressedDepth', convert=depth))
+        self.assertEqual([m.status for m in self.output('statistics')], [1] + (FRAMES - 1) * [0])
+        self.run_bag(self.write_bag(topic='/front/image/compressedDepth',
+                                    convert=lambda image: depth(image, '32FC1; compressedDepth png')),
+                     code=1, words='(format "32FC1; compressedDepth png") is depth in floats')
+
+    def test_a_picture_that_is_small_only_when_packed_is_refused(self):
+        bomb = cv2.imencode('.png', np.zeros((9000, 9000), np.uint8))[1].tobytes()
+        self.run_bag(self.write_bag(views(2), topic='/front/image/compressed', convert=lambda image: CompressedImage(
+            header=image.header, format='mono8; png compressed ', data=bomb)), code=1,
+            words='has 81.0 megapixels; expected 64 at most')
+
+    def test_seldom_images_are_named_with_the_parameter(self):
+        """A survey with an image every two seconds."""
+        text = self.run_bag(self.write_bag(rate=0.5), words=(
+            '%d images have no reference: they are about 2 s apart, and max_reference_age is 1 s' % (FRAMES - 1),
+            '--max_reference_age 4'))
+        self.assertIn('0 homographies', text)
+        text = self.run_bag(self.path('in.bag'), '--max_reference_age', '4', words='%d homographies' % (FRAMES - 1))
+        self.assertNotIn('no reference:', text)
+
+    def test_a_mask_that_hides_all_or_nothing_is_named(self):
+        bag = self.write_bag()
+        cv2.imwrite(self.path('white.png'), np.full(SIZE[::-1], 255, np.uint8))
+        self.run_bag(bag, '--mask_image', 'white.png',
+                     words='mask_image white.png: it hides nothing: only black (0) and transparent pixels hide')
+        cv2.imwrite(self.path('black.png'), np.zeros(SIZE[::-1], np.uint8))
+        self.run_bag(bag, '--mask_image', 'black.png', code=2, words='mask_image black.png: hides the whole image')
+        layer = np.full(SIZE[::-1] + (4,), 255, np.uint8)
+        layer[:, :SIZE[0] // 2, 3] = 0
+        cv2.imwrite(self.path('layer.png'), layer)
+        self.assertNotIn('hides', self.run_bag(bag, '--mask_image', 'layer.png'))
+        for message in self.output('correspondences')[1:]:
+            self.assertGreater(min(message.target_x), SIZE[0] // 2 - 1)
 
     def test_max_rate_skips_and_counts(self):
         self.run_bag(self.write_bag(), '--max_rate', '10')
@@ -130,3 +239,86 @@ class BagInputsTest(FolderCase):
         self.damage(bag, 0.25)
         self.run_bag(bag, code=1,
                      words='how many images are lost is not known, since the index at the end is missing')
+
+
+class BagMotionInputsTest(FolderCase):
+    """A camera 2 m above the ground at 1.2 m/s; what is beside its images has strange stamps and names."""
+    SPEED, HEIGHT, COUNT = 1.2, 2.0, 40  # m/s, m, images: 5 px each
+
+    @staticmethod
+    def transform(child, seconds, parent='base_link'):
+        placed = TransformStamped(child_frame_id=child)
+        placed.header.stamp, placed.header.frame_id = rospy.Time.from_sec(seconds), parent
+        placed.transform.rotation.x, placed.transform.rotation.y = np.sqrt(0.5), -np.sqrt(0.5)  # looks down
+        return placed
+
+    def range_at(self, seconds):
+        message = Range(min_range=0.1, max_range=10.0, range=self.HEIGHT)
+        message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), 'camera'
+        return message
+
+    def record(self, beside, stamp_of=lambda seconds: seconds, images=views(COUNT)):
+        """The images with their camera_info, and `beside`: (arrival, topic, message)."""
+        messages = list(beside)
+        for i, picture in enumerate(images):
+            arrival = 1000 + i / 30
+            image = image_message(picture, rospy.Time.from_sec(stamp_of(arrival)))
+            info = calibration(5 * [0.0])
+            info.header = image.header
+            messages += [(arrival, 'camera/camera_info', info), (arrival, 'camera/image_raw', image)]
+        with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+            for arrival, topic, message in sorted(messages, key=lambda each: each[0]):
+                bag.write(topic, message, rospy.Time.from_sec(arrival))
+
+    def check(self, *options, least=COUNT - 2, source=('--motion_height_source', 'parameter', '--motion_height', 2.0)):
+        run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--force', '--motion', 'm.csv',
+                               *source, *options, code=None)
+        speeds = [float(row['vx']) ** 2 + float(row['vy']) ** 2 for row in self.table('m.csv') if row['vx']]
+        self.assertGreaterEqual(len(speeds), least, run.stderr)
+        np.testing.assert_allclose(np.sqrt(speeds), self.SPEED, rtol=0.05)
+
+    def mount(self, ahead=0.0, topic='/tf', kind=TFMessage):
+        return [(1000 + k / 50, topic, kind([self.transform('camera', 1000 + k / 50 + ahead)]))
+                for k in range(-50, 80)]
+
+    def test_what_is_dated_ahead_keeps_nothing_waiting(self):
+        other = [(1000 + k / 20, '/tf', TFMessage([self.transform('another', 1000.5 + k / 20, 'map')]))
+                 for k in range(-20, 40)]
+        self.record(self.mount() + other)
+        self.check()
+        once = [(999.0, '/tf', TFMessage([self.transform('another', 4600.0, 'map')]))]
+        self.record(once + self.mount())
+        self.check()
+        self.record(self.mount(ahead=0.5))  # all of them
+        self.check()
+        ranges = [(1000 + k / 20, '/camera/range', self.range_at(1000 + k / 20 + (3600 if k == 1 else 0)))
+                  for k in range(-5, 40)]
+        self.record(self.mount() + ranges)
+        self.check(source=('--motion_height_source', 'range'))
+        back = [(1000.3, '/camera/range', self.range_at(100.0))]
+        self.record(self.mount() + ranges + back)
+        self.check(source=('--motion_height_source', 'range'))
+
+    def test_tf_has_any_of_its_names(self):
+        old = generate_dynamic('tf/tfMessage', TFMessage._full_text)['tf/tfMessage']
+        self.record(self.mount(topic='tf', kind=old))
+        self.check()
+        self.record([(1000.5, 'tf_static', TFMessage([self.transform('camera', 1000.5)]))])  # late
+        self.check()
+
+    def test_after_a_clock_was_set_back_the_readings_are_those_of_the_new_time(self):
+        """The second half has the stamps of the first; the camera is at half the height there by the ranges."""
+        half = self.COUNT // 2
+        set_back = half / 30
+
+        def stamp_of(arrival):
+            return arrival - (set_back + 10 if arrival >= 1000 + set_back - 1e-6 else 0)
+        ranges = [(1000 + k / 20, '/camera/range', self.range_at(stamp_of(1000 + k / 20))) for k in range(0, 30)]
+        for arrival, _, message in ranges:
+            message.range = self.HEIGHT if arrival < 1000 + set_back - 1e-6 else self.HEIGHT / 2
+        self.record(ranges + [(999.9, '/tf_static', TFMessage([self.transform('camera', 990.0)]))], stamp_of)
+        self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--motion', 'm.csv',
+                         '--motion_height_source', 'range', code=None)
+        speeds = [np.hypot(float(row['vx']), float(row['vy'])) if row['vx'] else np.nan for row in self.table('m.csv')]
+        np.testing.assert_allclose(np.nanmedian(speeds[:half]), self.SPEED, rtol=0.05)
+        np.testing.assert_allclose(np.nanmedian(speeds[half + 5:]), self.SPEED / 2, rtol=0.05)

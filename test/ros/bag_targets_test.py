@@ -4,10 +4,12 @@ import os
 
 import cv2
 import numpy as np
+import rosbag
 import rospy
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import FolderCase, messages_of, texture, write_bag
+from ktgp_testing import FolderCase, image_message, messages_of, texture, write_bag
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
+from sensor_msgs.msg import CompressedImage
 
 POSITIONS = [POSITION + (0.02 * i, 0.01 * i, 0.05 * i) for i in range(5)]
 FRAMES = [rendered(K, position=position) for position in POSITIONS]
@@ -71,6 +73,26 @@ class BagTargetsTest(FolderCase):
             self.run_bag('--calibration', kind, '--force')
             metres = pose_errors(self.detections()[0].detections[0].pose, position=POSITIONS[0])[0]
             self.assertEqual(metres < 0.002, is_right, kind)
+
+    def test_rectified_images_are_known_in_every_transport(self):
+        def compressed(image):
+            pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+            return CompressedImage(header=image.header, format='mono8; png compressed ',
+                                   data=cv2.imencode('.png', pixels)[1].tobytes())
+
+        info = information(k=np.diag([1.2, 1.2, 1.0]) @ K, p=K, distortion=(-0.3, 0.1, 0.0, 0.0, 0.0))
+        for topic, convert in (('/camera/image_rect', lambda image: image),
+                               ('/camera/image_rect_color/compressed', compressed)):
+            with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+                for i, frame in enumerate(FRAMES):
+                    stamp = rospy.Time.from_sec(1000 + i / 30)
+                    image = image_message(frame, stamp)
+                    info.header = image.header
+                    bag.write('/camera/camera_info', info, stamp)
+                    bag.write(topic, convert(image), stamp)
+            self.run_bag('--force')
+            metres = pose_errors(self.detections()[0].detections[0].pose, position=POSITIONS[0])[0]
+            self.assertLess(metres, 0.002, topic)
 
     def test_has_the_bits_of_ktgp_find(self):
         self.write_bag()

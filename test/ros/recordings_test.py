@@ -159,6 +159,57 @@ class VideoTest(RecordingCase):
         shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
         np.testing.assert_allclose(shifts, -5.0, atol=0.5)  # img2 comes before img10
 
+    def test_times_as_names_are_in_their_order_and_an_odd_name_is_told(self):
+        """Decimals without the zeros at their ends, as Python's str(time.time()) has them."""
+        times = [1700000000.05 + i / 30 + 1e-3 * (i % 3) for i in range(14)]
+        names = ['%r.png' % round(t, 4 if i % 2 else 6) for i, t in enumerate(times)]
+        self.assertGreater(len({len(name) for name in names}), 1)
+        os.mkdir(self.path('images'))
+        for name, picture in zip(names, pictures(14)):
+            cv2.imwrite(self.path('images', name), picture)
+        run = self.match('images/*', 'out.bag', words='13 homographies')
+        self.assertNotIn('its name', run.stderr)
+        shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
+        np.testing.assert_allclose(shifts, -5.0, atol=0.5)
+        cv2.imwrite(self.path('images', 'last of all.png'), pictures(15)[-1])
+        self.match('images/*', 'out.bag', '--force', words="ktgp_bag: images/last of all.png: its name is not like the "
+                   "others', which decide the order; it is image 15 of 15")
+
+    def test_files_of_other_kinds_are_named_with_what_to_do(self):
+        (self.folder / 'IMG_0001.HEIC').write_bytes(struct.pack('>I', 24) + b'ftypheic' + bytes(1000))
+        (self.folder / 'a.mcap').write_bytes(b'\x89MCAP0\r\n' + bytes(1000))
+        (self.folder / 'b.db3').write_bytes(b'SQLite format 3\0' + bytes(1000))
+        (self.folder / 'c.bag.gz').write_bytes(b'\x1f\x8b' + bytes(1000))
+        (self.folder / 'old.bag').write_bytes(b'#ROSBAG V1.2\n' + bytes(1000))
+        os.makedirs(self.path('ros2'))
+        self.write('ros2/metadata.yaml', 'rosbag2_bagfile_information: {}')
+        os.makedirs(self.path('pictures'))
+        for name, words in (('a.mcap', 'a.mcap is a recording of ROS 2; convert it to a bag with rosbags-convert'),
+                            ('b.db3', 'ROS 2'), ('ros2', 'ros2: is a recording of ROS 2'),
+                            ('pictures', "is a folder; expected a file, or a pattern of images: 'folder/*.png'"),
+                            ('c.bag.gz', 'is packed with gzip; unpack it'),
+                            ('old.bag', "is a bag of format 1; convert it with 'rosbag fix'"),
+                            ('IMG_0001.HEIC', 'is a HEIC (HEIF) picture')):
+            self.match(name, 'out.bag', code=2, words=words)
+        self.match('IMG_*.HEIC', 'out.bag', code=1, words='cannot be read as an image: it is a HEIC (HEIF) picture')
+
+    @unittest.skipIf(shutil.which('ffmpeg') is None, 'ffmpeg is not installed')
+    def test_interlaced_video_has_the_mean_motion_of_its_fields(self):
+        """The second field, 20 ms later, is moved by 3 px more."""
+        way = np.cumsum([0] + [3, 2] * 12)  # px, of each field
+        frames = []
+        for i in range(12):
+            frame, later = (view(100 + way[2 * i + field], 100, *SIZE).copy() for field in (0, 1))
+            frame[1::2] = later[1::2]
+            frames.append(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+        for i, frame in enumerate(frames):
+            cv2.imwrite(self.path('f%d.png' % i), frame)
+        self.run_program('ffmpeg', '-v', 'error', '-r', '25', '-i', 'f%d.png', '-vf', 'setfield=tff', '-c:v', 'ffv1',
+                         '-flags', '+ildct+ilme', 'in.mkv')
+        self.match('in.mkv', 'out.bag', words='11 homographies')
+        shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
+        np.testing.assert_allclose(shifts, -5.0, atol=0.5)
+
     def test_photographs_of_a_survey_are_placed_in_one_map(self):
         """2 s apart, with 63 % overlap, turned, made smaller first."""
         large = cv2.resize(view(0, 0, 640, 480), None, fx=6, fy=6, interpolation=cv2.INTER_CUBIC)

@@ -104,6 +104,11 @@ class InputsTest(MatcherCase):
         self.client.update_configuration({'mask_image': '', 'roi': '400 0 240 480'})
         self.check_masked()
 
+    def test_a_mask_that_hides_nothing_is_named(self):
+        self.addCleanup(self.mask.publish, Image())
+        self.mask.publish(image_message(np.full((HEIGHT, WIDTH), 255, np.uint8), rospy.Time(1)))
+        self.diagnostics.wait_for_words('hides nothing: only black (0) and transparent pixels hide')
+
     def test_a_mask_of_another_size_is_said(self):
         refused = self.send_view().refused_frames
         with tempfile.NamedTemporaryFile(suffix='.png') as file:

@@ -75,7 +75,7 @@ class StartupTest(FolderCase):
             send(b'no image', rospy.Time.now())
 
         expected = ('matches images on /other/picture',
-                    "compressed (jpeg), which cannot be decoded' is not an image to match")
+                    'compressed image (format "jpeg") is no JPEG, PNG, TIFF, WebP or BMP')
         for arguments in (('image:=picture', 'transport:=compressed'), ('image:=picture/compressed',)):
             # The first line is on standard output, which is written at the end.
             output = output_of_node(*arguments, until=('started with pid',), look=match_two_images,

@@ -55,6 +55,34 @@ class KtgpFind(ToolCase):
                              ("300,300,900,100", "outside the image of 320x240")):
             self.find("scene.pgm", "posters", "--camera", wrong, code=2, words=words)
 
+    def test_what_is_hidden_under_transparency_is_not_part_of_a_target(self):
+        """A round sign on a transparent ground, with another picture under it."""
+        sign, under = (window(picture(seed))[:200, :200] for seed in (21, 22))
+        y, x = np.mgrid[:200, :200]
+        (self.folder / "signs").mkdir()
+        for radius in (95, 70):
+            disc = np.hypot(x - 99.5, y - 99.5) < radius
+            pixels = np.where(disc, sign, under)
+            opacity = np.where(disc, 255, 0).astype(np.uint8)
+            cv2.imwrite(self.path("signs", "sign.png"), np.dstack([pixels] * 3 + [opacity]))
+            shift = np.array([[0.9, -0.15, 70], [0.15, 0.9, 20.0]])
+            scene = window(picture(23)).copy()
+            seen = cv2.warpAffine(opacity, shift, (WIDTH, HEIGHT)) > 128
+            scene[seen] = cv2.warpAffine(sign, shift, (WIDTH, HEIGHT))[seen]
+            cv2.imwrite(self.path("scene.png"), scene)
+            self.find("scene.png", "signs", "--json", "out.json")
+            found, = self.detections()
+            truth = cv2.transform(np.array([[[0.0, 0], [199, 0], [199, 199], [0, 199]]]), shift)[0]
+            np.testing.assert_allclose(found["corners"], truth, atol=1.5, err_msg=str(radius))
+            scene = window(picture(23)).copy()
+            scene[20:220, 60:260] = under
+            cv2.imwrite(self.path("scene.png"), scene)
+            self.find("scene.png", "signs", code=1, prints="none found")
+
+    def test_a_target_that_is_transparent_everywhere_is_refused(self):
+        cv2.imwrite(self.path("posters", "glass.png"), np.dstack([window(picture(8))] * 3 + [np.zeros_like(window(picture(8)))]))
+        self.find("scene.pgm", "posters", words="glass.png: is transparent everywhere; expected a picture")
+
     def test_reads_a_list(self):
         self.write(
             "list.yaml",

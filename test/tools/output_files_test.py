@@ -3,6 +3,7 @@ they are built, ktgp_bag and make_demo_bag."""
 import json
 import os
 import pathlib
+import random
 import re
 import resource
 import signal
@@ -63,6 +64,87 @@ class OutputCase(PairCase):
         before = self.contents()
         self.run_tool(tool, *arguments, code=2, words=words, **options)
         self.assertEqual(self.contents(), before, arguments)
+
+
+class KilledRuns(OutputCase):
+    """A run that is killed at any time is done again by the same command, and leaves nothing else behind."""
+    ALL = os.environ.get("KTGP_ORB_ALL_FAULTS")
+
+    def names(self):
+        return {path.name for path in self.folder.iterdir()}
+
+    def check_killed_at_each_name(self, *command, primary, outputs):
+        """Kills it at every call that gives or takes a name; after that a second run has all outputs."""
+        inputs = self.names()
+        kill_at, killed = 1, True
+        while killed:
+            environment = dict(os.environ, LD_PRELOAD=os.environ["KTGP_ORB_FAULTS"], KTGP_ORB_KILL_AT=str(kill_at))
+            killed = self.run_tool(*command, code=None, env=environment).returncode == -signal.SIGKILL
+            is_done = (self.folder / primary).exists() and os.stat(self.folder / primary).st_nlink == 1
+            run = self.run_tool(*command, code=None)
+            self.assertEqual(run.returncode, 2 if is_done and "--skip_finished" not in command else 0,
+                             (kill_at, run.stderr))
+            left = {name for name in self.names() - inputs if not (is_done and "unfinished" in name)}
+            self.assertEqual(left, set(outputs), kill_at)
+            for name in outputs:
+                self.assertGreater(size(self.folder / name), 100, name)
+            for name in self.names() - inputs:
+                (self.folder / name).unlink()
+            kill_at += 1
+        self.assertGreater(kill_at, 2 * len(outputs) + 1)
+
+    def test_of_a_pair_or_a_list_of_pairs(self):
+        self.check_killed_at_each_name("ktgp_match", "a.pgm", "b.pgm", "--json", "m.json", "--csv", "m.csv", "--draw",
+                                       "m.png", primary="m.png", outputs=["m.json", "m.csv", "m.png"])
+        self.check_killed_at_each_name("ktgp_evaluate", "pairs.txt", "--methods", "KT", "--json", "e.json", "--csv",
+                                       "e.csv", primary="e.csv", outputs=["e.json", "e.csv"])
+
+    def make_bag(self):
+        self.run_tool("make_demo_bag", "in.bag", "--seconds", "0.3")
+        return "ktgp_bag", "in.bag", "out.bag", "--features", "200", "--threads", "1"
+
+    @unittest.skipUnless(WITH_ROS, "built without ROS")
+    def test_of_a_recording_while_its_files_get_their_names(self):
+        command = self.make_bag()
+        outputs = ["--csv", "o.csv", "--mosaic", "o.png", "--mosaic_poses", "p.csv", "--stabilize", "o.mp4"]
+        self.check_killed_at_each_name(*command, *outputs, "--skip_finished", primary="out.bag",
+                                       outputs=["out.bag"] + outputs[1::2])
+        self.check_killed_at_each_name(*command, *outputs[:4], primary="out.bag", outputs=["out.bag", "o.csv", "o.png"])
+
+    @unittest.skipUnless(WITH_ROS, "built without ROS")
+    def test_of_a_recording_at_any_time(self):
+        command = self.make_bag() + ("--skip_finished",)
+        inputs = self.names()
+        options = (("--csv", "o.csv"), ("--mosaic", "o.png"), ("--stabilize", "o.mp4"), ("--draw", "d.mp4"),
+                   ("--mosaic", "o.png", "--mosaic_poses", "p.csv"),
+                   ("--stabilize", "o.mp4", "--stabilizer_warps", "w.csv"))
+        random_ = random.Random(5)
+        start = time.monotonic()
+        self.run_tool(*command, "--csv", "o.csv", "--mosaic", "o.png", "--stabilize", "o.mp4")
+        longest = time.monotonic() - start
+        for i in range(100 if self.ALL else 12):
+            for name in self.names() - inputs:
+                (self.folder / name).unlink()
+            chosen = {}
+            for option in random_.sample(options, random_.randint(1, 4)):
+                chosen.update(zip(option[::2], option[1::2]))
+            arguments = command + tuple(word for pair in chosen.items() for word in pair)
+            for _ in range(random_.randint(1, 2)):
+                run = self.start(TOOLS / arguments[0], *arguments[1:])
+                try:
+                    run.communicate(timeout=random_.uniform(0, 1.1 * longest))
+                except subprocess.TimeoutExpired:
+                    run.kill()
+                    run.communicate()
+            self.run_tool(*arguments)
+            self.assertLessEqual({"out.bag", *chosen.values()}, self.names(), (i, arguments))
+            self.run_tool(*arguments, words="out.bag is finished")
+
+    def test_a_limit_of_the_shell_is_said_as_a_full_disk_is(self):
+        def limited():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512))  # its signal ends a program
+        self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "m.csv", preexec_fn=limited,
+                     words="m.csv: cannot be written: File too large")
 
 
 class MatchOutput(OutputCase):

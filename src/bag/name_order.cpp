@@ -1,0 +1,189 @@
+#include "bag/name_order.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <iterator>
+#include <map>
+#include <utility>
+
+namespace ktgp_orb::bag {
+namespace {
+
+struct Number {
+  bool negative = false;
+  std::string whole;     ///< digits, without zeros in front
+  std::string fraction;  ///< digits after a point
+};
+
+struct Name {
+  std::string file;
+  std::string ending;
+  std::vector<std::string> texts;  ///< in small letters, before each number and after the last one
+  std::vector<Number> numbers;
+};
+
+bool isDigit(const std::string& text, std::size_t i) {
+  return i < text.size() && std::isdigit(static_cast<unsigned char>(text[i])) != 0;
+}
+
+/// Also a byte of a letter beyond ASCII.
+bool isLetter(char c) {
+  const auto byte = static_cast<unsigned char>(c);
+  return byte >= 0x80 || std::isalnum(byte) != 0;
+}
+
+std::string takeDigits(const std::string& text, std::size_t& i) {
+  const std::size_t begin = i;
+  while (isDigit(text, i)) ++i;
+  return text.substr(begin, i - begin);
+}
+
+std::string withoutZeros(const std::string& digits) {
+  return digits.substr(std::min(digits.size(), digits.find_first_not_of('0')));
+}
+
+/// A minus is a sign where no word and no number ends before it: "-5", "t_-5", but not "img-5".
+bool takeSign(bool begins, std::string& before) {
+  if (before.empty() || (before.back() != '-' && before.back() != '+')) return false;
+  if (before.size() == 1 && !begins) return false;
+  const char previous = before.size() > 1 ? before[before.size() - 2] : '/';
+  if (isLetter(previous) || previous == '-') return false;
+  const bool negative = before.back() == '-';
+  before.pop_back();
+  return negative;
+}
+
+/// "1e-05", as Python writes small decimals.
+void takeExponent(const std::string& text, std::size_t& i, Number& number) {
+  constexpr std::size_t kMost = 40;
+  if (text.compare(i, 2, "e-") != 0 || !isDigit(text, i + 2)) return;
+  std::size_t end = i + 2;
+  const std::string digits = takeDigits(text, end);
+  const std::size_t places = digits.size() > 2 ? kMost : std::stoul(digits);
+  const std::string zeros(places - std::min(places, number.whole.size()), '0');
+  const std::string all = zeros + number.whole;
+  number.fraction = all.substr(all.size() - places) + number.fraction;
+  number.whole = withoutZeros(all.substr(0, all.size() - places));
+  i = end;
+}
+
+/// In "2024.01.02" there are three counts.
+bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
+  const bool before = begin >= 2 && text[begin - 1] == '.' && isDigit(text, begin - 2);
+  return before || (end < text.size() && text[end] == '.' && isDigit(text, end + 1));
+}
+
+Number takeNumber(const std::string& text, std::size_t& i) {
+  Number number;
+  const std::size_t begin = i;
+  number.whole = withoutZeros(takeDigits(text, i));
+  if (i < text.size() && text[i] == '.' && isDigit(text, i + 1)) {
+    std::size_t end = i + 1;
+    const std::string fraction = takeDigits(text, end);
+    if (isInDottedRow(text, begin, end)) return number;
+    number.fraction = fraction;
+    i = end;
+  }
+  takeExponent(text, i, number);
+  return number;
+}
+
+Name nameOf(const std::string& file) {
+  Name name{file, std::filesystem::path(file).extension().string(), {}, {}};
+  if (name.ending.size() < 2 || isDigit(name.ending, 1)) name.ending.clear();
+  const std::string stem = file.substr(0, file.size() - name.ending.size());
+  std::string text;
+  for (std::size_t i = 0; i < stem.size();) {
+    if (!isDigit(stem, i)) {
+      text += static_cast<char>(std::tolower(static_cast<unsigned char>(stem[i++])));
+      continue;
+    }
+    const bool negative = takeSign(name.numbers.empty(), text);
+    name.numbers.push_back(takeNumber(stem, i));
+    name.numbers.back().negative = negative;
+    name.texts.push_back(std::exchange(text, ""));
+  }
+  name.texts.push_back(text);
+  return name;
+}
+
+int compareCounts(const std::string& a, const std::string& b) {
+  if (a.size() != b.size()) return a.size() < b.size() ? -1 : 1;
+  return a.compare(b);
+}
+
+int compareNumbers(const Number& a, const Number& b, bool are_counts) {
+  if (a.negative != b.negative) return a.negative ? -1 : 1;
+  int order = compareCounts(a.whole, b.whole);
+  if (order == 0) {
+    order = are_counts ? compareCounts(withoutZeros(a.fraction), withoutZeros(b.fraction))
+                       : a.fraction.compare(b.fraction);
+  }
+  return a.negative ? -order : order;
+}
+
+/// Of the numbers at that place of all names: whether what follows their points is a count.
+bool areCounts(const std::vector<Name>& names, std::size_t place) {
+  // Of decimals a tenth begin with a zero, of counts a tenth end with one; in so many names a
+  // single one may be written otherwise.
+  constexpr std::size_t kMany = 20;
+  std::size_t in_front = names.size() < kMany ? 0 : 1;
+  std::size_t at_end = 0;
+  for (const Name& name : names) {
+    if (place >= name.numbers.size() || name.numbers[place].fraction.size() < 2) continue;
+    in_front += name.numbers[place].fraction.front() == '0' ? 1 : 0;
+    at_end += name.numbers[place].fraction.back() == '0' ? 1 : 0;
+  }
+  return at_end > in_front;
+}
+
+bool isBefore(const Name& a, const Name& b, const std::vector<bool>& are_counts) {
+  for (std::size_t i = 0; i < a.texts.size() && i < b.texts.size(); ++i) {
+    if (a.texts[i] != b.texts[i]) return a.texts[i] < b.texts[i];
+    if (i >= a.numbers.size() || i >= b.numbers.size()) continue;
+    const int order = compareNumbers(a.numbers[i], b.numbers[i], are_counts[i]);
+    if (order != 0) return order < 0;
+  }
+  if (a.texts.size() != b.texts.size()) return a.texts.size() < b.texts.size();
+  return a.file < b.file;
+}
+
+std::vector<Name> namesOf(const std::vector<std::string>& files) {
+  std::vector<Name> names;
+  std::transform(files.begin(), files.end(), std::back_inserter(names), nameOf);
+  return names;
+}
+
+}  // namespace
+
+void sortByNumbers(std::vector<std::string>& files) {
+  std::vector<Name> names = namesOf(files);
+  std::vector<bool> are_counts;
+  const auto has_place = [&](const Name& name) { return name.numbers.size() > are_counts.size(); };
+  while (std::any_of(names.begin(), names.end(), has_place)) {
+    are_counts.push_back(areCounts(names, are_counts.size()));
+  }
+  std::sort(names.begin(), names.end(),
+            [&](const Name& a, const Name& b) { return isBefore(a, b, are_counts); });
+  std::transform(names.begin(), names.end(), files.begin(),
+                 [](const Name& name) { return name.file; });
+}
+
+std::vector<std::string> oddNames(const std::vector<std::string>& files) {
+  constexpr std::size_t kFew = 4;
+  constexpr std::size_t kRare = 20;  // one in so many
+  std::map<std::vector<std::string>, std::vector<std::string>> alike;
+  for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
+  std::size_t most = 0;
+  for (const auto& group : alike) most = std::max(most, group.second.size());
+  std::vector<std::string> odd;
+  if (files.size() < kFew || 2 * most <= files.size()) return odd;
+  for (const auto& group : alike) {
+    if (group.second.size() > std::max<std::size_t>(1, files.size() / kRare)) continue;
+    odd.insert(odd.end(), group.second.begin(), group.second.end());
+  }
+  return odd;
+}
+
+}  // namespace ktgp_orb::bag
