@@ -94,6 +94,7 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
     pairs_.clear();
     pairs_.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
     for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
+      if (std::isnan(points[i].pt.x)) continue;  // beyond the range of the lens
       pairs_.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y},
                  target.pairs.quality[i]);
     }

@@ -23,6 +23,7 @@ struct TwoViewMatcher::Impl {
                const std::vector<Correspondence>& matches, TwoViewMatches& result);
   void align(const Features& reference, const Features& target, TwoViewMatches& result);
   void rectify(const Lens* lens, std::vector<Eigen::Vector2d>& points);
+  void dropUnplaced(TwoViewMatches& result);
   void estimate(const TwoViewInput& input, TwoViewMatches& result);
 
   TwoViewEstimator estimator;
@@ -84,6 +85,25 @@ void TwoViewMatcher::Impl::rectify(const Lens* lens, std::vector<Eigen::Vector2d
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = {moved[i].pt.x, moved[i].pt.y};
 }
 
+/// Leaves out the pairs with a point that the lens gives no place without distortion.
+void TwoViewMatcher::Impl::dropUnplaced(TwoViewMatches& result) {
+  std::size_t kept = 0;
+  PointPairs& pairs = result.pairs;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (!pairs.reference[i].allFinite() || !pairs.target[i].allFinite()) continue;
+    pairs.reference[kept] = pairs.reference[i];
+    pairs.target[kept] = pairs.target[i];
+    pairs.quality[kept] = pairs.quality[i];
+    result.aligned[kept] = result.aligned[i];
+    result.match[kept++] = result.match[i];
+  }
+  pairs.reference.resize(kept);
+  pairs.target.resize(kept);
+  pairs.quality.resize(kept);
+  result.aligned.resize(kept);
+  result.match.resize(kept);
+}
+
 /// The geometry is that of the aligned pairs, where there are enough: the others would only add
 /// their larger errors. They get their labels from it.
 void TwoViewMatcher::Impl::estimate(const TwoViewInput& input, TwoViewMatches& result) {
@@ -122,6 +142,7 @@ void TwoViewMatcher::estimate(const Features& reference, const Features& target,
   impl_->align(reference, target, result);
   impl_->rectify(input.reference_lens, result.pairs.reference);
   impl_->rectify(input.target_lens, result.pairs.target);
+  if (input.reference_lens != nullptr || input.target_lens != nullptr) impl_->dropUnplaced(result);
   impl_->estimate(sized, result);
   for (std::size_t i = 0; i < result.match.size(); ++i) {
     if (result.view.mask[i] != 0) result.levels[result.match[i]] = Level::ktgp;
