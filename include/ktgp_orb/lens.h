@@ -38,8 +38,8 @@ class Lens {
 
   const LensCalibration& calibration() const { return calibration_; }
 
-  /// Moves keypoints of the camera's image to their positions in the image without distortion,
-  /// which may be outside of it; accurate to about 1e-3 px.
+  /// Moves keypoints to where the image without distortion has them, perhaps outside; good to 1e-3
+  /// px. NaN beyond 75 degrees from the axis, and where the model bends two rays to one point.
   void rectify(std::vector<cv::KeyPoint>& keypoints) const;
   /// The image without distortion, with the size of `image`.
   void rectify(const cv::Mat& image, cv::Mat& rectified) const;

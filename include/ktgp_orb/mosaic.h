@@ -39,6 +39,14 @@ enum class Placement : std::uint8_t {
 /// "drawn", "seen", "new_map", "lost"
 const char* toString(Placement placement);
 
+/// Why a frame is lost.
+enum class LostBecause : std::uint8_t {
+  nothing,    ///< it is not lost
+  unmatched,  ///< neither the homographies nor the keyframes lead to it
+  repeats,    ///< the ground looks the same when it is moved, and nothing tells by how much
+  zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
+};
+
 /// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
 ///
 /// A frame is drawn when the view has moved by 0.03 of its width. One that is not connected
@@ -70,9 +78,8 @@ class Mosaic {
 
   /// Pose of the last placed frame: map -> frame, px; empty where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
-  /// Whether the last placed frame is lost since the ground looks the same when it is moved, and
-  /// neither its velocity nor the homographies tell by how much.
-  bool isAmbiguous() const;
+  /// Of the last placed frame.
+  LostBecause lostBecause() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 

@@ -9,11 +9,13 @@
 #include "growth/grower.h"
 #include "growth/map_fit.h"
 #include "growth/reference_frames.h"
+#include "growth/shift_votes.h"
 #include "growth/verdict.h"
 #include "growth/votes.h"
 #include "homography/fit.h"
 #include "homography/verdict.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "util/keypoint_position.h"
 #include "util/options_check.h"
 
 namespace ktgp_orb {
@@ -28,6 +30,12 @@ struct Seed {
   std::int32_t votes;
   std::int32_t view;  // 0: the reference itself
   std::int32_t pair;  // in that view
+};
+
+/// What the nearest neighbours in the whole image say of a hypothesis; see ShiftVotes.
+struct Standing {
+  double share = 0.0;
+  bool is_rivalled = false;
 };
 
 bool isAccepted(const Grown& grown) {
@@ -61,6 +69,8 @@ struct HomographyGrowth::Impl {
   void judge(const Eigen::Matrix3d& map, GrowthResult& result);
   void sortGrown();
   void growFromRepeats(GrowthResult& result);
+  void growFromShifts(GrowthResult& result);
+  bool isRival(std::size_t other, std::size_t one);
   void choose(GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
 
@@ -77,13 +87,17 @@ struct HomographyGrowth::Impl {
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
-  growth::Places near, near_in_target;  // places of the voters
-  std::vector<Eigen::Matrix3d> tried;   // maps that the seeds grew to
-  std::vector<Grown> grown;             // the same; only the first `grown_count` are valid
+  growth::Places near, near_in_target;     // places of the voters
+  std::vector<Eigen::Matrix3d> tried;      // maps that the seeds grew to
+  std::vector<Grown> grown;                // the same; only the first `grown_count` are valid
+  std::vector<growth::Standing> standing;  // of `grown`
   std::size_t grown_count = 0;
-  std::size_t start_place = 0;        // place of the start among them; behind all if there is none
-  std::vector<std::size_t> order;     // order of `grown`, the best first
-  std::vector<cv::Point2f> repeats;   // repeats of one map
+  std::size_t start_place = 0;       // place of the start among them; behind all if there is none
+  std::vector<std::size_t> order;    // order of `grown`, the best first
+  std::vector<cv::Point2f> repeats;  // repeats of one map
+  growth::ShiftVotes shifts;
+  std::vector<growth::ShiftVotes::Peak> peaks;
+  PointPairs mutual;  // mutual nearest neighbours of the two images, without the views
   std::vector<std::uint8_t> covered;  // buffer of growth::contradicts
 };
 
@@ -193,6 +207,9 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   kept.pairs = grower.pairs();
   kept.repeats = verdict.repeats();
   kept.grew_from_repeats = false;
+  shifts.count(map, mutual, matcher.imageSize());
+  standing.resize(grown.size());
+  standing[grown_count - 1] = {shifts.own().share(), shifts.isRivalled()};
 }
 
 /// The most significant hypothesis first.
@@ -225,6 +242,34 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
+/// Grows the best one again from the shifts of it that nearest neighbours in the whole image vote
+/// for: a wrong place has as many matches as the right one, or more, if the overlap is larger.
+void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
+  constexpr std::size_t kMostShifts = 4;
+  sortGrown();
+  if (order.empty() || !standing[order.front()].is_rivalled) return;
+  const Eigen::Matrix3d map = grown[order.front()].map;  // tryFrom may move the buffers
+  shifts.count(map, mutual, matcher.imageSize());
+  peaks = shifts.others();
+  std::sort(peaks.begin(), peaks.end(), [](const auto& a, const auto& b) {
+    return a.share() != b.share() ? a.share() > b.share() : a.votes > b.votes;
+  });
+  if (peaks.size() > kMostShifts) peaks.resize(kMostShifts);
+  for (const growth::ShiftVotes::Peak& peak : peaks) {
+    Eigen::Matrix3d shifted = map;
+    shifted.topRows<2>() += peak.shift * map.row(2);
+    tryFrom(shifted, peak.centre, result);
+  }
+}
+
+/// Whether `other` could be right instead of `one`: it sees the same elsewhere, with as many
+/// matches, and with at least half the share of the nearest neighbours in the whole image.
+bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
+  constexpr double kClear = 2.0;
+  return other != one && kClear * standing[other].share > standing[one].share &&
+         growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered);
+}
+
 /// The best one, unless chance explains it, or another one that contradicts it is nearly as good.
 /// The start was also found in another way. So it is the answer if no other one has more matches
 /// and chance explains it less than once in 10^4 searches.
@@ -238,17 +283,16 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   result.log_false_alarms = judgement.log_false_alarms;
   if (start_place < grown_count) {
     const growth::Judgement& of_start = grown[start_place].judgement;
-    if (of_start.log_false_alarms < kLogMaxOfStart && of_start.matched >= judgement.matched) {
+    if (of_start.log_false_alarms < kLogMaxOfStart && of_start.matched >= judgement.matched &&
+        !standing[start_place].is_rivalled) {
       store(grown[start_place], result);
       return;
     }
   }
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
-    const auto is_rival = [&](std::size_t other) {
-      return other != i &&
-             growth::contradicts(grown[other], grown[i], matcher.imageSize(), covered);
-    };
+    if (standing[i].is_rivalled) continue;
+    const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
     if (std::any_of(order.begin(), order.end(), is_rival)) return;
     if (store(grown[i], result)) return;
   }
@@ -320,6 +364,12 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
     impl.vote(view, features, target, view.matches);
   }
   impl.collectSeeds();
+  impl.mutual.clear();
+  for (const Correspondence& c : matches) {
+    if (!c.mutual || c.reference_index < 0) continue;
+    impl.mutual.add(util::position(reference, c.reference_index),
+                    util::position(target, c.target_index), c.ratio());
+  }
   impl.tried.clear();
   impl.grown_count = 0;
   if (start) impl.tryStart(*start, result);
@@ -331,6 +381,7 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
     impl.tryFrom(impl.firstMap(seed), impl.placeOf(seed), result);
   }
   impl.growFromRepeats(result);
+  impl.growFromShifts(result);
   impl.choose(result);
 }
 

@@ -1,4 +1,5 @@
 // Simulated views of a reference: ASIFT's tilts.
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -15,24 +16,105 @@ namespace {
 /// Ratios by which the image is compressed, in so many directions within half a turn.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// The image rotated by `angle` and compressed in one direction, large enough to contain all of it.
-Eigen::Matrix<double, 2, 3> toView(const cv::Size& size, double angle, double tilt,
-                                   cv::Size& view) {
-  const double c = std::cos(angle);
-  const double s = std::sin(angle);
-  const double width = std::abs(c) * size.width + std::abs(s) * size.height;
-  const double height = std::abs(s) * size.width + std::abs(c) * size.height;
-  view = cv::Size(static_cast<int>(std::ceil(width / tilt)), static_cast<int>(std::ceil(height)));
-  Eigen::Matrix<double, 2, 3> to_view;
-  to_view << c / tilt, -s / tilt, 0.0, s, c, 0.0;
-  const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
-  to_view.col(2) = Eigen::Vector2d(0.5 * (view.width - 1), 0.5 * (view.height - 1)) -
-                   to_view.leftCols<2>() * middle;
-  return to_view;
+/// A linear map of the image, with the size of the box around the result, in which it lies in the
+/// middle.
+struct Placed {
+  Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
+    const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);
+    size = cv::Size(static_cast<int>(std::ceil(sides.x())), static_cast<int>(std::ceil(sides.y())));
+    const Eigen::Vector2d middle(0.5 * (image.width - 1), 0.5 * (image.height - 1));
+    map.leftCols<2>() = linear;
+    map.col(2) = Eigen::Vector2d(0.5 * (size.width - 1), 0.5 * (size.height - 1)) - linear * middle;
+  }
+
+  Eigen::Matrix<double, 2, 3> map;
+  cv::Size size;
+};
+
+/// The part of `image`, widened by a rim for the interpolation, that is drawn into some columns.
+cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size& image) {
+  constexpr double kRim = 2.0;  // px
+  const Eigen::Matrix2d back = placed.map.leftCols<2>().inverse();
+  Eigen::AlignedBox2d box;
+  for (const int x : {columns.start, columns.end}) {
+    for (const int y : {0, placed.size.height}) {
+      box.extend(Eigen::Vector2d(back * (Eigen::Vector2d(x, y) - placed.map.col(2))));
+    }
+  }
+  const Eigen::Vector2i first = (box.min().array() - kRim).floor().cast<int>();
+  const Eigen::Vector2i last = (box.max().array() + kRim).ceil().cast<int>();
+  return cv::Rect({first.x(), first.y()}, cv::Point(last.x(), last.y())) & cv::Rect({0, 0}, image);
 }
 
-cv::Matx23d matrixOf(const Eigen::Matrix<double, 2, 3>& m) {
-  return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2)};
+/// The image moved into its box, part by part, since OpenCV warps at most 32766 rows or columns.
+cv::Mat drawn(const cv::Mat& image, const Placed& placed) {
+  constexpr int kColumns = 4096;
+  cv::Mat result(placed.size, image.type(), cv::Scalar(0));
+  for (int left = 0; left < placed.size.width; left += kColumns) {
+    const cv::Range columns(left, std::min(left + kColumns, placed.size.width));
+    const cv::Rect part = partFor(columns, placed, image.size());
+    if (part.empty()) continue;
+    Eigen::Matrix<double, 2, 3> map = placed.map;
+    map.col(2) += map.leftCols<2>() * Eigen::Vector2d(part.x, part.y) - Eigen::Vector2d(left, 0.0);
+    const cv::Matx23d m(map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2));
+    cv::warpAffine(image(part), result.colRange(columns), m, {columns.size(), placed.size.height},
+                   cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  }
+  return result;
+}
+
+// px of the rotated image: Morel & Yu.
+double blurFor(double tilt) {
+  constexpr double kBlur = 0.8;  // per unit of tilt
+  return kBlur * std::sqrt(tilt * tilt - 1.0);
+}
+
+/// Blurred in one direction.
+cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::Mat& image) {
+  const int reach = static_cast<int>(std::ceil(3.0 * sigma));
+  cv::Mat kernel(2 * reach + 1, 2 * reach + 1, CV_32F);
+  for (int y = -reach; y <= reach; ++y) {
+    for (int x = -reach; x <= reach; ++x) {
+      const double along = (direction.x() * x + direction.y() * y) / sigma;
+      // The line is as wide as a pixel.
+      const double across = std::abs(direction.x() * y - direction.y() * x);
+      kernel.at<float>(y + reach, x + reach) =
+          static_cast<float>(std::exp(-0.5 * along * along) * std::max(0.0, 1.0 - across));
+    }
+  }
+  kernel /= cv::sum(kernel)[0];
+  cv::Mat blurred;
+  cv::filter2D(image, blurred, -1, kernel, {-1, -1}, 0.0, cv::BORDER_REPLICATE);
+  return blurred;
+}
+
+/// The image rotated by `angle`, blurred along its rows, and compressed along them.
+cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double tilt,
+                   const Placed& view) {
+  const Placed turned_place(turn, image.size());
+  cv::Mat blurred;
+  cv::GaussianBlur(turn.isIdentity(0.0) ? image : drawn(image, turned_place), blurred,
+                   cv::Size(0, 1), blurFor(tilt), 1e-6, cv::BORDER_REPLICATE);
+  // Compressed about the middle.
+  const cv::Size& turned = turned_place.size;
+  const cv::Matx23d squeeze(1.0 / tilt, 0.0,
+                            0.5 * (view.size.width - 1) - 0.5 * (turned.width - 1) / tilt,  //
+                            0.0, 1.0, 0.5 * (view.size.height - 1) - 0.5 * (turned.height - 1));
+  cv::Mat squeezed;
+  cv::warpAffine(blurred, squeezed, squeeze, view.size, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return squeezed;
+}
+
+/// A tape or a panorama, rotated by 45 degrees, would fill a square as long as itself. Its views
+/// are turned until its long side lies along the rows, so that they are hardly larger than the
+/// image; a view may be turned, since descriptors do not depend on it.
+bool isLong(const cv::Size& size) {
+  constexpr int kRatio = 4;  // the square is then more than three times as large as the image
+  return std::max(size.width, size.height) > kRatio * std::min(size.width, size.height);
+}
+
+Eigen::Matrix2d rotation(double angle) {
+  return Eigen::Rotation2Dd(angle).toRotationMatrix();
 }
 
 /// Not 0 inside the image, but `border` px of it; 0 in its extended border.
@@ -52,29 +134,21 @@ cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<doubl
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  constexpr double kBlur = 0.8;  // px of the rotated image per unit of tilt: Morel & Yu
   // Width of a patch, px.
   const double margin = 31.0 / std::pow(options.scale_factor, options.first_level);
-  cv::Size size, turned_size;
-  ReferenceView view;
-  view.to_view = toView(image.size(), angle, tilt, size);
-  const Eigen::Matrix<double, 2, 3> turn = toView(image.size(), angle, 1.0, turned_size);
-  cv::Mat turned, squeezed;
-  if (angle == 0.0) {
-    turned = image;
-  } else {
-    cv::warpAffine(image, turned, matrixOf(turn), turned_size, cv::INTER_LINEAR,
-                   cv::BORDER_REPLICATE);
+  const Eigen::Matrix2d turn = rotation(angle);
+  Eigen::Matrix2d linear = Eigen::Vector2d(1.0 / tilt, 1.0).asDiagonal() * turn;
+  const bool is_long = isLong(image.size());
+  if (is_long) {
+    const Eigen::Vector2d side = linear.col(image.cols > image.rows ? 0 : 1);
+    linear = rotation(-std::atan2(side.y(), side.x())) * linear;
   }
-  cv::Mat blurred;
-  cv::GaussianBlur(turned, blurred, cv::Size(0, 1), kBlur * std::sqrt(tilt * tilt - 1.0), 1e-6,
-                   cv::BORDER_REPLICATE);
-  // From the rotated image to the view: compressed about the middle.
-  Eigen::Matrix<double, 2, 3> squeeze;
-  squeeze << 1.0 / tilt, 0.0, 0.5 * (size.width - 1) - 0.5 * (turned_size.width - 1) / tilt,  //
-      0.0, 1.0, 0.5 * (size.height - 1) - 0.5 * (turned_size.height - 1);
-  cv::warpAffine(blurred, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR,
-                 cv::BORDER_REPLICATE);
+  const Placed placed(linear, image.size());
+  const cv::Size size = placed.size;
+  const cv::Mat squeezed = is_long ? drawn(blurredAlong(turn.row(0), blurFor(tilt), image), placed)
+                                   : compressed(image, turn, tilt, placed);
+  ReferenceView view;
+  view.to_view = placed.map;
 
   const cv::Mat mask = insideOf(image.size(), 0.5 * margin, view.to_view, size);
   OrbOptions fewer = options;

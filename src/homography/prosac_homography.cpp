@@ -60,7 +60,6 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   if (result.status != Status::ok) return;
   result.status = Status::model_rejected;
   UncertainHomography answer{normalised.toPixels(h)};
-  if (!homography::keepsPlaneInView(answer.homography, corners)) return;
   if (!fit.isDetermined(normalised, corners, h)) return;
   const bool scaled = homography::scaleLastToOne(answer.homography);
   if (!verdict.trusts(answer, pairs, reference_size, options.max_error, labelled)) return;

@@ -6,6 +6,8 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
+#include "homography/part_in_view.h"
+
 namespace ktgp_orb::homography {
 namespace {
 
@@ -98,7 +100,6 @@ FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>
 }
 
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners) {
-  constexpr double kClear = 1e-3;  // ratio of the nearest to the farthest third coordinate
   double nearest = homography.row(2).dot(corners[0].homogeneous());
   double farthest = nearest;
   for (const Eigen::Vector2d& corner : corners) {
@@ -106,7 +107,29 @@ bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corne
     nearest = std::min(nearest, w);
     farthest = std::max(farthest, w);
   }
-  return homography.determinant() > 0.0 && nearest > kClear * farthest;
+  return homography.determinant() > 0.0 && nearest > kAtHorizon * farthest;
+}
+
+Eigen::Matrix3d facing(const Eigen::Matrix3d& homography) {
+  const bool has_horizon = homography(2, 0) != 0.0 || homography(2, 1) != 0.0;
+  const double side = has_horizon ? homography.determinant() : homography(2, 2);
+  return side < 0.0 ? -homography : homography;
+}
+
+std::vector<Eigen::Vector2d> partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
+                                        double least) {
+  std::array<double, 4> depth{};
+  for (std::size_t i = 0; i < 4; ++i) depth[i] = facing.row(2).dot(corners[i].homogeneous());
+  const double limit = least * std::max(*std::max_element(depth.begin(), depth.end()), 0.0);
+  std::vector<Eigen::Vector2d> part;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t next = (i + 1) % 4;
+    if (depth[i] > limit) part.push_back(corners[i]);
+    if ((depth[i] > limit) == (depth[next] > limit)) continue;
+    const double share = (limit - depth[i]) / (depth[next] - depth[i]);
+    part.push_back(corners[i] + share * (corners[next] - corners[i]));
+  }
+  return part;
 }
 
 Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to) {
@@ -123,15 +146,15 @@ Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to) {
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double w = size.width;
   const double h = size.height;
-  const std::array<cv::Point2f, 4> image{cv::Point2f(0.F, 0.F), cv::Point2f(float(w), 0.F),
-                                         cv::Point2f(float(w), float(h)),
-                                         cv::Point2f(0.F, float(h))};
-  std::array<cv::Point2f, 4> warped;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector3d p = homography * Eigen::Vector3d(image[i].x, image[i].y, 1.0);
-    if (p.z() <= 0.0) return 0.0;  // a corner beyond the horizon
-    warped[i] = {static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z())};
+  const FourPoints corners{Eigen::Vector2d(0, 0), {w, 0}, {w, h}, {0, h}};
+  const Eigen::Matrix3d view = facing(homography);
+  std::vector<cv::Point2f> image, warped;
+  for (const Eigen::Vector2d& p : corners) image.emplace_back(cv::Point2d(p.x(), p.y()));
+  for (const Eigen::Vector2d& p : partInView(view, corners)) {
+    const Eigen::Vector2d q = project(view, p);
+    warped.emplace_back(cv::Point2d(q.x(), q.y()));
   }
+  if (warped.size() < 3) return 0.0;
   return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
 }
 

@@ -7,13 +7,15 @@
 
 #include "estimation/false_alarms.h"
 #include "homography/fit.h"
-#include "homography/transform.h"
+#include "homography/part_in_view.h"
 #include "util/constants.h"
 
 namespace ktgp_orb::homography {
 using util::kPi;
 
 namespace {
+
+constexpr double kLogMaxFalseAlarms = -4.0;  // log10
 
 /// label(), and visits the number and the squared error, px², of each inlier.
 template <typename Visit>
@@ -39,34 +41,42 @@ void labelEach(const UncertainHomography& answer, const PointPairs& pairs, doubl
 bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
                                const cv::Size& reference_size, double threshold,
                                ProsacResult& result) {
+  // A wrong homography seldom shows the whole image from one side. A plane that is seen in part
+  // lacks this evidence, and has to make up for it by its inliers.
+  constexpr double kLogMaxOfAPart = -12.0;  // log10
+  const FourPoints corners = imageCorners(reference_size, pairs.reference);
+  const Eigen::Matrix3d view = facing(answer.homography);
+  double farthest = 0.0;
+  for (const Eigen::Vector2d& corner : corners) {
+    farthest = std::max(farthest, view.row(2).dot(corner.homogeneous()));
+  }
   squared_error_.resize(pairs.size());
   inliers_.clear();
-  labelEach(answer, pairs, threshold, result, [this](std::size_t i, double squared_error) {
+  labelEach(answer, pairs, threshold, result, [&](std::size_t i, double squared_error) {
     squared_error_[i] = squared_error;
-    inliers_.push_back(i);
+    const double depth = view.row(2).dot(pairs.reference[i].homogeneous());
+    if (depth > kAtHorizon * farthest) inliers_.push_back(i);
   });
-  const Eigen::Matrix3d& h = answer.homography;
-  const FourPoints corners = imageCorners(reference_size, pairs.reference);
-  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
-  const double sign = h.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
-  return keepsPlaneInView(sign * h, corners) && !explainableByChance(pairs, threshold);
+  if (!(view.determinant() > 0.0)) return false;
+  const bool shows_all = keepsPlaneInView(view, corners);
+  return !explainableByChance(pairs, threshold, shows_all ? kLogMaxFalseAlarms : kLogMaxOfAPart);
 }
 
-bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold) {
+bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold,
+                                            double log_limit) {
   const double covered_area = estimation::coveredArea(pairs.target);
   // The bound holds for any order, with the largest error so far. Good homographies pass after a
   // few inliers in the order of the input; only poor ones need sorting.
-  if (!explainable(pairs, threshold, covered_area)) return false;
+  if (!explainable(pairs, threshold, covered_area, log_limit)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;
   });
-  return explainable(pairs, threshold, covered_area);
+  return explainable(pairs, threshold, covered_area, log_limit);
 }
 
 /// The test with the inliers in their current order.
-bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold,
-                                    double covered_area) {
-  constexpr double kLogMaxFalseAlarms = -4.0;  // log10
+bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold, double covered_area,
+                                    double log_limit) {
   constexpr std::size_t kSample = HomographyProblem::kSample;
   estimation::FalseAlarms false_alarms(kSample, pairs.size());
   const double apart2 = threshold * threshold;
@@ -82,7 +92,7 @@ bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold,
     largest = std::max(largest, squared_error_[candidate]);
     if (counted_.size() <= kSample) continue;
     const double chance = kPi * std::max(largest, 1.0 / kPi) / covered_area;
-    if (false_alarms.next(chance) < kLogMaxFalseAlarms) return false;
+    if (false_alarms.next(chance) < log_limit) return false;
   }
   return true;
 }

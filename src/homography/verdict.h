@@ -10,8 +10,8 @@
 namespace ktgp_orb::homography {
 
 /// The verdict on a homography, whether PROSAC or the growth found it: it is trusted if it shows
-/// the plane from one side and chance does not explain its inliers. Chance does not when NFA(k) <
-/// 1e-4 for some k. A random target point in the area A of the target points agrees within e with
+/// its inliers from one side and chance does not explain them. Chance does not when NFA(k) < 1e-4
+/// for some k; 1e-12 where the horizon crosses the reference, as in the picture of a street. A random target point in the area A of the target points agrees within e with
 /// probability p = pi e² / A; e is at least 1/sqrt(pi) px.
 ///
 /// An inlier counts only when it is farther than the threshold, in both images, from all inliers
@@ -27,8 +27,9 @@ class HomographyVerdict {
               const cv::Size& reference_size, double threshold, ProsacResult& result);
 
  private:
-  bool explainableByChance(const PointPairs& pairs, double threshold);
-  bool explainable(const PointPairs& pairs, double threshold, double covered_area);
+  bool explainableByChance(const PointPairs& pairs, double threshold, double log_limit);
+  bool explainable(const PointPairs& pairs, double threshold, double covered_area,
+                   double log_limit);
 
   std::vector<double> squared_error_;  // of the inliers, px²; one entry for each pair
   std::vector<std::size_t> inliers_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "growth/shift_votes.h"
 #include "growth/verdict.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -110,7 +111,7 @@ class Chain {
   bool runGuided(Context& context, StageResult& stage);
   bool runAlignment(Context& context, StageResult& stage);
 
-  std::optional<GrowthStart> doubtful(const MatchResult& result) const;
+  std::optional<GrowthStart> doubtful(const Context& context);
   bool adopt(const UncertainHomography& candidate, Context& context);
   void setAnswer(const ProsacResult& found, Context& context);
 
@@ -122,6 +123,7 @@ class Chain {
   Alignment alignment_;
   TwoViewMatcher two_view_;
   homography::HomographyVerdict verdict_;
+  growth::ShiftVotes shifts_;
   PointPairs pairs_;                            // the matches that passed GMS
   ProsacResult labelled_;                       // a candidate that PROSAC did not find
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
@@ -265,19 +267,23 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
   result.status = context.haveEnough() ? result.prosac.status : Status::too_few_features;
   if (result.status != Status::ok) return true;
   result.found_by = FoundBy::prosac;
-  if (options.growth.enabled) context.doubt = doubtful(result);
+  if (options.growth.enabled) context.doubt = doubtful(context);
   if (!context.doubt) setAnswer(result.prosac, context);
   return true;
 }
 
 /// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
-/// as the windows of a house, may have misled it. Empty otherwise.
-std::optional<GrowthStart> Chain::doubtful(const MatchResult& result) const {
+/// as the windows of a house, may have misled it, or if the matches show such a repetition. Empty
+/// otherwise.
+std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
   constexpr std::size_t kOneIn = 8;  // a smaller share of the matches is doubtful
+  const MatchResult& result = context.result;
   const std::size_t inliers = result.prosac.inliers;
   if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
-    return std::nullopt;
+    if (context.hints.prediction) return std::nullopt;
+    shifts_.count(result.prosac.answer.homography, pairs_, context.target.image_size);
+    if (!shifts_.isRivalled()) return std::nullopt;
   }
   GrowthStart start;
   start.homography = result.prosac.answer.homography;

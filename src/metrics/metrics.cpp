@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "homography/part_in_view.h"
 #include "util/keypoint_position.h"
 
 namespace ktgp_orb::evaluation {
@@ -83,15 +84,9 @@ double matchedShare(std::size_t matches, const Features& reference, const Featur
 }
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x) {
-  const Eigen::Vector3d p = homography * x.homogeneous();
-  // H is known up to a factor, which may be negative. With the sign that makes the third coordinate
-  // positive where the plane is seen, a view of a plane has det H > 0. The last entry does not
-  // decide, since the origin may be beyond the horizon.
-  const bool has_horizon = homography(2, 0) != 0.0 || homography(2, 1) != 0.0;
-  const double side = has_horizon ? homography.determinant() : homography(2, 2);
-  const double w = side < 0.0 ? -p.z() : p.z();
-  if (!(w > 0.0)) return {kInfinity, kInfinity};
-  return p.head<2>() / p.z();
+  const Eigen::Vector3d p = ktgp_orb::homography::facing(homography) * x.homogeneous();
+  if (!(p.z() > 0.0)) return {kInfinity, kInfinity};
+  return p.hnormalized();
 }
 
 std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const Features& reference,

@@ -1,29 +1,36 @@
 #include "metrics/repetition.h"
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
 namespace ktgp_orb::metrics {
 
-std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least) {
-  const cv::Size half(std::min(picture.cols, other.cols) / 2,
-                      std::min(picture.rows, other.rows) / 2);
-  const cv::Point corner((picture.cols - half.width) / 2, (picture.rows - half.height) / 2);
-  const cv::Mat middle = picture(cv::Rect(corner, half));
-  cv::Scalar mean, deviation;
-  cv::meanStdDev(middle, mean, deviation);
+namespace {
+
+constexpr double kAlike = 0.6;  // a checkerboard below a tilted camera has 0.65 to 0.95
+
+bool isPlain(const cv::Mat& picture) {
   constexpr double kLeastContrast = 1.0;  // grey levels: OpenCV finds a plain one everywhere
-  if (deviation[0] < kLeastContrast) return {{0, 0}};
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(picture, mean, deviation);
+  return deviation[0] < kLeastContrast;
+}
+
+/// Where `part` of `picture` looks like a part of `other`; see alikeShifts().
+std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, const cv::Mat& other,
+                                double least) {
+  if (isPlain(picture(part))) return {{0, 0}};
   cv::Mat correlation, highest;
-  cv::matchTemplate(other, middle, correlation, cv::TM_CCOEFF_NORMED);
+  cv::matchTemplate(other, picture(part), correlation, cv::TM_CCOEFF_NORMED);
   cv::dilate(correlation, highest, cv::Mat::ones(5, 5, CV_8U));
   std::vector<std::pair<float, cv::Point>> maxima;
   for (int y = 0; y < correlation.rows; ++y) {
     for (int x = 0; x < correlation.cols; ++x) {
       const float alike = correlation.at<float>(y, x);
       if (alike >= least && alike == highest.at<float>(y, x)) {
-        maxima.emplace_back(alike, cv::Point(x, y) - corner);
+        maxima.emplace_back(alike, cv::Point(x, y) - part.tl());
       }
     }
   }
@@ -35,16 +42,68 @@ std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other,
   return shifts;
 }
 
+/// Normalised correlation of what the picture and its copy moved by `shift` have in common.
+double alikeness(const cv::Mat& picture, const cv::Point& shift) {
+  const cv::Rect all({0, 0}, picture.size());
+  const cv::Rect moved = all & (all + shift);
+  const cv::Mat one = picture(moved), other = picture(moved - shift);
+  if (moved.empty() || isPlain(one) || isPlain(other)) return 0.0;
+  cv::Mat correlation;
+  cv::matchTemplate(one, other, correlation, cv::TM_CCOEFF_NORMED);
+  return correlation.at<float>(0, 0);
+}
+
+/// Without what varies slowly: shades look alike wherever they are.
+cv::Mat withoutShades(const cv::Mat& picture) {
+  constexpr double kSlow = 0.08;  // of the longer side
+  cv::Mat shades, rest;
+  cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
+  cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);
+  return rest;
+}
+
+/// Shifts of up to three fifths of the sides: a middle half sees a quarter. Two corners see all
+/// directions, since a period is one both ways.
+std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
+  constexpr double kPart = 1.0 - kLongestPeriod;
+  const cv::Mat detail = withoutShades(picture);
+  const cv::Size part(cvRound(kPart * picture.cols), cvRound(kPart * picture.rows));
+  std::vector<cv::Point> far;
+  for (const int left : {0, picture.cols - part.width}) {
+    for (const cv::Point& shift : shiftsOf({{left, 0}, part}, detail, detail, least)) {
+      if (alikeness(detail, shift) >= least) far.push_back(shift);
+    }
+  }
+  return far;
+}
+
+}  // namespace
+
+std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least) {
+  const cv::Size half(std::min(picture.cols, other.cols) / 2,
+                      std::min(picture.rows, other.rows) / 2);
+  const cv::Point corner((picture.cols - half.width) / 2, (picture.rows - half.height) / 2);
+  return shiftsOf({corner, half}, picture, other, least);
+}
+
+bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
+  const bool is_in_sight = std::abs(shift.x) < kLongestPeriod * picture.cols &&
+                           std::abs(shift.y) < kLongestPeriod * picture.rows;
+  return !is_in_sight || alikeness(withoutShades(picture), shift) >= kAlike;
+}
+
 double shortestPeriod(const cv::Mat& picture) {
-  constexpr double kCopySide = 96.0;  // px: finer detail does not tell where the camera is
-  constexpr double kAlike = 0.6;      // a checkerboard below a tilted camera has 0.65 to 0.95
-  constexpr double kLeast = 0.04;     // share of the side
+  constexpr double kCopySide = 192.0;  // px: a period of 2 % has nearly four
+  constexpr double kLeast = 0.02;      // share of the side
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };
   cv::Mat copy;
   cv::resize(picture, copy, {side(picture.cols), side(picture.rows)}, 0, 0, cv::INTER_AREA);
   double shortest = 0.0;
-  for (const cv::Point& shift : alikeShifts(copy, copy, kAlike)) {
+  std::vector<cv::Point> shifts = alikeShifts(copy, copy, kAlike);
+  const std::vector<cv::Point> far = farShifts(copy, kAlike);
+  shifts.insert(shifts.end(), far.begin(), far.end());
+  for (const cv::Point& shift : shifts) {
     const double length = cv::norm(shift);
     if (length < kLeast * std::max(copy.cols, copy.rows)) continue;
     shortest = shortest == 0.0 ? length : std::min(shortest, length);

@@ -49,8 +49,9 @@ double Keyframes::coverage(const cv::Size& size, const Eigen::Matrix3d& from_map
   return best;
 }
 
-std::optional<Eigen::Matrix3d> Keyframes::locate(const Features& features,
-                                                 const Eigen::Matrix3d& expected, bool chained) {
+std::vector<Eigen::Matrix3d> Keyframes::locate(const Features& features,
+                                               const Eigen::Matrix3d& expected, bool chained) {
+  std::vector<Eigen::Matrix3d> places;
   std::vector<std::pair<double, const Keyframe*>> candidates;
   for (const Keyframe& keyframe : keyframes_) {
     candidates.emplace_back(overlap(keyframe, features.image_size, expected), &keyframe);
@@ -69,9 +70,10 @@ std::optional<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     if (result_.homographyStatus() != Status::ok || result_.inliers < kLeastInliers) continue;
     constexpr double kFrames = 20.0;  // length of the running mean
     plane_deviation_ += (result_.answer.plane_deviation - plane_deviation_) / kFrames;
-    return Eigen::Matrix3d(result_.answer.homography * keyframe->from_map);
+    places.emplace_back(result_.answer.homography * keyframe->from_map);
+    if (chained) break;
   }
-  return std::nullopt;
+  return places;
 }
 
 void Keyframes::clear() {

@@ -19,9 +19,10 @@ class Keyframes {
 
   /// The position of a frame, by a match to the keyframe that covers most of it; if that fails, to
   /// the next ones. `expected`: map -> frame, roughly. `chained`: it follows from the previous
-  /// frame; otherwise it is a guess, and more keyframes are tried. Empty if none fits.
-  std::optional<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
-                                        bool chained);
+  /// frame; otherwise it is a guess, and the positions by all of the nearest keyframes that fit are
+  /// given. Empty if none fits.
+  std::vector<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
+                                      bool chained);
 
   /// Share of the frame that the best keyframe covers, 0..1.
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;

@@ -35,6 +35,11 @@ constexpr double kLeastMotion = 0.03;
 // least: photographs come seldom, and one or two may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
+constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
+// Keyframes that lead to places farther apart than this share of the shorter side show two places
+// that look alike; shorter periods are seen in the frame itself. Keyframes of a large map may have
+// drifted apart by some px.
+constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
 // px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
@@ -115,7 +120,8 @@ struct Mosaic::Impl {
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
   int lost_frames = 0;  // since then
-  bool is_ambiguous = false;
+  LostBecause reason = LostBecause::nothing;
+  int unchecked = 0;  // frames since a keyframe was found
   bool is_full = false;
   std::size_t maps = 0;
 
@@ -165,8 +171,7 @@ struct Mosaic::Impl {
     if (!last) return std::nullopt;
     const auto step = path.between(last_stamp, stamp);
     if (!step) return std::nullopt;
-    const Eigen::Matrix3d from_map = normalised(*step * *last);
-    return isDrawable(size, from_map) ? std::optional(from_map) : std::nullopt;
+    return normalised(*step * *last);
   }
 
   /// The middle of the frame in the map.
@@ -176,7 +181,6 @@ struct Mosaic::Impl {
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
   bool isPredictable(std::int64_t stamp) const {
-    constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
     return velocity && stamp - last_stamp < kPredictable;
   }
 
@@ -204,6 +208,24 @@ struct Mosaic::Impl {
     return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
   }
 
+  /// Where the map and the chain of homographies lead to two places, and the ground looks the same
+  /// at both: the one that is nearer to where the last velocity leads. Empty if that is not known.
+  std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
+                                             const Eigen::Matrix3d& by_chain) const {
+    constexpr double kExact = 3.0;  // px: that of a match to the rim of a keyframe
+    constexpr double kDrift = 0.2;  // px a frame for which no keyframe was found
+    const auto shift = [&](const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) {
+      return Eigen::Vector2d(homography::project(from_map, place) - middle());
+    };
+    const Eigen::Vector2d apart = shift(by_map, middleInMap(by_chain));
+    if (apart.norm() < kExact + kDrift * unchecked) return by_map;
+    if (!metrics::repeatsAfter(grey, {apart.x(), apart.y()})) return by_map;
+    if (stamp - last_stamp >= kPredictable) return std::nullopt;
+    Eigen::Vector2d predicted = middleInMap(*last);
+    if (velocity) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
+    return shift(by_map, predicted).norm() < shift(by_chain, predicted).norm() ? by_map : by_chain;
+  }
+
   void settle(std::int64_t stamp, const Eigen::Matrix3d& from_map) {
     pose = normalised(from_map);
     velocity.reset();
@@ -215,10 +237,12 @@ struct Mosaic::Impl {
     last_stamp = stamp;
     last_features.reset();
     lost_frames = 0;
+    reason = LostBecause::nothing;
   }
 
-  Placement lose(std::int64_t stamp, Features features) {
+  Placement lose(std::int64_t stamp, LostBecause why, Features features = {}) {
     pose.reset();
+    reason = why;
     if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
     const bool is_patient = waited < kLostSeconds || lost_frames <= kLostFrames;
@@ -227,12 +251,48 @@ struct Mosaic::Impl {
     return Placement::new_map;
   }
 
+  /// Of the places where the map and the chain have the frame. Sets `reason` where it is empty.
+  std::optional<Eigen::Matrix3d> search(std::int64_t stamp, const Features& features,
+                                        const std::optional<Eigen::Matrix3d>& by_chain) {
+    std::optional<Eigen::Matrix3d> found = by_chain;
+    if (options.keyframes) {
+      const auto places =
+          keyframes.locate(features, by_chain.value_or(*last), by_chain.has_value());
+      unchecked = places.empty() ? unchecked + 1 : 0;
+      if (!places.empty()) {
+        found = by_chain ? chosenPlace(stamp, places.front(), *by_chain) : places.front();
+        reason = LostBecause::repeats;
+        if (!found || !isOnePlace(places)) return std::nullopt;
+      }
+    }
+    reason = LostBecause::unmatched;
+    if (!found) return found;
+    if (!isDrawable(size, *found)) found = by_chain;
+    reason = LostBecause::zoomed;
+    if (!found) return found;
+    reason = LostBecause::repeats;
+    if (mayBeAnotherPeriod(stamp, *found, by_chain)) return std::nullopt;
+    return found;
+  }
+
+  /// Whether all keyframes that fit lead to the same place.
+  bool isOnePlace(const std::vector<Eigen::Matrix3d>& places) const {
+    const double far = kElsewhere * std::min(size.width, size.height);
+    const Eigen::Vector2d place = middleInMap(places.front());
+    return std::all_of(places.begin(), places.end(), [&](const Eigen::Matrix3d& from_map) {
+      return (homography::project(from_map, place) - middle()).norm() < far;
+    });
+  }
+
   Placement place(std::int64_t stamp) {
-    const std::optional<Eigen::Matrix3d> expected = chained(stamp);
-    if (!last) return lose(stamp, {});
+    std::optional<Eigen::Matrix3d> expected = chained(stamp);
+    if (!last) return lose(stamp, LostBecause::unmatched);
+    const bool is_zoomed = expected && !isDrawable(size, *expected);
+    if (is_zoomed) expected.reset();
     const bool is_known = expected || isPredictable(stamp);
-    is_ambiguous = options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0;
-    if (is_ambiguous) return lose(stamp, {});
+    if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
+      return lose(stamp, LostBecause::repeats);
+    }
     // A frame after a gap overlaps most with the frames just before it.
     if (!expected && last_features && hasRoom() &&
         keyframes.coverage(size, *last) < kCoveredBeforeGap) {
@@ -240,15 +300,12 @@ struct Mosaic::Impl {
       last_features.reset();
     }
     Features features;
-    std::optional<Eigen::Matrix3d> found;
-    if (options.keyframes) {
-      features = find();
-      found = keyframes.locate(features, expected.value_or(*last), expected.has_value());
+    if (options.keyframes) features = find();
+    const std::optional<Eigen::Matrix3d> found = search(stamp, features, expected);
+    if (!found) {
+      if (is_zoomed && reason == LostBecause::unmatched) reason = LostBecause::zoomed;
+      return lose(stamp, reason, std::move(features));
     }
-    if (found && !isDrawable(size, *found)) found.reset();
-    if (!found) found = expected;
-    is_ambiguous = found && mayBeAnotherPeriod(stamp, *found, expected);
-    if (!found || is_ambiguous) return lose(stamp, std::move(features));
     settle(stamp, *found);
     if (hasRoom() && keyframes.coverage(size, *pose) < kKeyframeOverlap) {
       keyframes.add(std::move(features), *pose);
@@ -318,8 +375,8 @@ std::optional<Eigen::Matrix3d> Mosaic::pose() const {
   return impl_->pose;
 }
 
-bool Mosaic::isAmbiguous() const {
-  return impl_->is_ambiguous && impl_->lost_frames > 0;
+LostBecause Mosaic::lostBecause() const {
+  return impl_->reason;
 }
 
 std::int64_t Mosaic::firstStamp() const {
@@ -393,6 +450,7 @@ void Mosaic::reset() {
   impl_->pose.reset();
   impl_->is_full = false;
   impl_->lost_frames = 0;
+  impl_->reason = LostBecause::nothing;
 }
 
 }  // namespace ktgp_orb

@@ -123,10 +123,14 @@ void MosaicWork::report() {
                             : "",
                         false);
   diagnosis_.setProblem("repetition",
-                        mosaic_.isAmbiguous()
-                            ? "the ground repeats: after a gap, frames are lost until a new map "
-                              "begins, since they would fit in several places"
+                        mosaic_.lostBecause() == LostBecause::repeats
+                            ? "the ground repeats: frames that fit in several places are lost"
                             : "");
+  diagnosis_.setProblem(
+      "scale", mosaic_.lostBecause() == LostBecause::zoomed
+                   ? "the camera has turned, tilted or moved too far for one plane: frames "
+                     "of less than 1/4 or more than 4 times the map's scale are lost"
+                   : "");
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");

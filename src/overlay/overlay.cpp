@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "homography/transform.h"
+#include "homography/part_in_view.h"
 #include "overlay/canvas.h"
 #include "util/format.h"
 #include "util/keypoint_position.h"
@@ -77,10 +77,11 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  if (!homography::keepsPlaneInView(result.answer.homography, corners)) return;
+  constexpr double kNearHorizon = 0.02;  // the part beyond is 50 times as far away as the rest
+  const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
-  for (const Eigen::Vector2d& corner : corners) {
-    const Eigen::Vector2d p = (result.answer.homography * corner.homogeneous()).hnormalized();
+  for (const Eigen::Vector2d& corner : homography::partInView(view, corners, kNearHorizon)) {
+    const Eigen::Vector2d p = homography::project(view, corner);
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
     outline.push_back(subpixel(p.x(), p.y()));
   }

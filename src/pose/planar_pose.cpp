@@ -147,6 +147,8 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
   constexpr double kSame = 1e-4;         // rad
   constexpr double kLeastShare = 0.001;  // of the likelihood
+  constexpr double kFreedom = 2.0;       // entries of H beyond a pose's six
+  constexpr double kMostMisfit = 9.21;   // chi-square of two degrees of freedom, 99 %
   if (poses.empty()) {
     poses.push_back(pose);
     return;
@@ -156,7 +158,12 @@ void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
   if (std::abs(between.angle()) < kSame) return;
   poses.push_back(pose);
   if (poses[1].squared_error < poses[0].squared_error) std::swap(poses[0], poses[1]);
-  poses[0].share = 1.0 / (1.0 + std::exp(-0.5 * (poses[1].squared_error - poses[0].squared_error)));
+  // Where the likeliest pose fits worse than the covariance allows, the errors are larger than it
+  // says, and tell the two poses apart by less.
+  const double misfit = poses[0].squared_error;
+  const double scale = misfit > kMostMisfit ? misfit / kFreedom : 1.0;
+  const double worse = poses[1].squared_error - poses[0].squared_error;
+  poses[0].share = 1.0 / (1.0 + std::exp(-0.5 * worse / scale));
   poses[1].share = 1.0 - poses[0].share;
   if (poses[1].share >= kLeastShare) return;
   poses[0].share = 1.0;

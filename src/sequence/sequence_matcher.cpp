@@ -87,11 +87,32 @@ bool canMatchAhead(const MatcherOptions& options) {
          options.geometry == GeometryModel::homography;
 }
 
+namespace {
+
+/// Leaves out the keypoints that the lens gives no place without distortion.
+void dropUnplaced(Features& features) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    if (std::isnan(features.keypoints[i].pt.x)) continue;
+    if (kept != i) {
+      features.keypoints[kept] = features.keypoints[i];
+      features.descriptors.row(static_cast<int>(i))
+          .copyTo(features.descriptors.row(static_cast<int>(kept)));
+    }
+    ++kept;
+  }
+  features.keypoints.resize(kept);
+  features.descriptors = features.descriptors.rowRange(0, static_cast<int>(kept));
+}
+
+}  // namespace
+
 void extractFeatures(OrbExtractor& extractor, Frame& frame) {
   const auto start = std::chrono::steady_clock::now();
   extractor.extract(frame.image, frame.mask, frame.features);
   if (frame.lens) {
     frame.lens->rectify(frame.features.keypoints);
+    dropUnplaced(frame.features);
     frame.features.images
         .clear();  // rectified keypoints are no longer at their positions in these images
   }

@@ -65,6 +65,7 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
   pairs.clear();
   pairs.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
   for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
+    if (std::isnan(points[i].pt.x)) continue;  // beyond the range of the lens
     pairs.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y}, target.pairs.quality[i]);
   }
   prosac.estimate(pairs, target.image_size, target.homography.homography, result);

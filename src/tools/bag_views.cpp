@@ -234,7 +234,8 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   place_milliseconds_ += util::millisecondsSince(start);
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
-  ambiguous_ += mosaic_.isAmbiguous() ? 1 : 0;
+  repeated_ += mosaic_.lostBecause() == LostBecause::repeats ? 1 : 0;
+  zoomed_ += mosaic_.lostBecause() == LostBecause::zoomed ? 1 : 0;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
                 .add(textOf(image->header.stamp))
@@ -274,9 +275,14 @@ std::string BagViews::report() const {
         mosaic_.area().width, mosaic_.area().height, placed_, lost_, mosaic_.keyframes(),
         place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
         mosaic_.full() ? "; full, some was left out" : "");
-    if (ambiguous_ > 0) {
-      text += options_.mosaic + ": the ground repeats: " + std::to_string(ambiguous_) +
-              " frames after a gap fit in several places, and are lost\n";
+    if (repeated_ > 0) {
+      text += options_.mosaic + ": the ground repeats: " + std::to_string(repeated_) +
+              " frames fit in several places, and are lost\n";
+    }
+    if (zoomed_ > 0) {
+      text += options_.mosaic + ": the camera has turned, tilted or moved too far for one plane: " +
+              std::to_string(zoomed_) +
+              " frames of less than 1/4 or more than 4 times the map's scale are lost\n";
     }
     if (mosaic_.hasParallax()) {
       text += util::format(

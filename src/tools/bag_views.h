@@ -129,7 +129,8 @@ class BagViews {
   std::size_t maps_ = 0;  // written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t ambiguous_ = 0;  // of the lost ones: the ground repeats
+  std::size_t repeated_ = 0;  // of the lost ones: the ground repeats
+  std::size_t zoomed_ = 0;    // of the lost ones: beyond the range of scales
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -25,6 +25,7 @@ struct TwoViewMatcher::Impl {
                const std::vector<Correspondence>& matches, TwoViewMatches& result);
   void align(const Features& reference, const Features& target, TwoViewMatches& result);
   void rectify(const Lens* lens, std::vector<Eigen::Vector2d>& points);
+  void dropUnplaced(TwoViewMatches& result);
 
   TwoViewEstimator estimator;
   alignment::PatchAligner aligner;
@@ -87,6 +88,27 @@ void TwoViewMatcher::Impl::rectify(const Lens* lens, std::vector<Eigen::Vector2d
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = {moved[i].pt.x, moved[i].pt.y};
 }
 
+/// Leaves out the pairs with a point that the lens gives no place without distortion.
+void TwoViewMatcher::Impl::dropUnplaced(TwoViewMatches& result) {
+  std::size_t kept = 0;
+  PointPairs& pairs = result.pairs;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (!pairs.reference[i].allFinite() || !pairs.target[i].allFinite()) continue;
+    pairs.reference[kept] = pairs.reference[i];
+    pairs.target[kept] = pairs.target[i];
+    pairs.quality[kept] = pairs.quality[i];
+    deviations[kept] = deviations[i];
+    result.aligned[kept] = result.aligned[i];
+    result.match[kept++] = result.match[i];
+  }
+  pairs.reference.resize(kept);
+  pairs.target.resize(kept);
+  pairs.quality.resize(kept);
+  deviations.resize(kept);
+  result.aligned.resize(kept);
+  result.match.resize(kept);
+}
+
 TwoViewMatcher::TwoViewMatcher(const TwoViewOptions& options)
     : impl_(std::make_unique<Impl>(options)) {}
 
@@ -104,6 +126,7 @@ void TwoViewMatcher::estimate(const Features& reference, const Features& target,
   impl_->align(reference, target, result);
   impl_->rectify(input.reference_lens, result.pairs.reference);
   impl_->rectify(input.target_lens, result.pairs.target);
+  if (input.reference_lens != nullptr || input.target_lens != nullptr) impl_->dropUnplaced(result);
   sized.deviations = &impl_->deviations;
   impl_->estimator.estimate(result.pairs, sized, result.view);
   for (std::size_t i = 0; i < result.match.size(); ++i) {

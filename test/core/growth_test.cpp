@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "drawn_pages.h"
 #include "frame_pair.h"
 #include "growth/local_frame.h"
 #include "growth/local_matcher.h"
@@ -105,6 +106,18 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
     tried += result.growth.seeds;
   }
   EXPECT_GT(tried, 0);
+}
+
+// Thousands of keypoints agree with a shift by one symbol or more; more such pairs are in the
+// long tests.
+TEST(GrowthPages, ThatShareOnlySymbolsAreNotFound) {
+  EXPECT_EQ(test::countPages(0.0, 1, 4).found, 0);
+}
+
+TEST(GrowthPages, AreFoundByWhatExistsOnceInTheOverlap) {
+  const test::PageCounts counts = test::countPages(0.3, 1, 4);
+  EXPECT_EQ(counts.wrong, 0);
+  EXPECT_GE(counts.found, 0.9 * counts.pairs);
 }
 
 /// A picture without repetition.
@@ -324,6 +337,51 @@ TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
     }
   }
   EXPECT_THROW(simulateViews(image, orb, -1), std::invalid_argument);
+}
+
+// Rotated by 45 degrees, a tape would fill a square as long as itself.
+TEST(GrowthViews, OfALongReferenceAreHardlyLargerThanItself) {
+  OrbOptions orb;
+  orb.max_features = 500;
+  for (const cv::Size& size : {cv::Size(6000, 120), cv::Size(90, 5000), cv::Size(40000, 64)}) {
+    cv::Mat image;
+    cv::resize(scene(7)(cv::Rect(0, 0, 600, 600)), image, size, 0.0, 0.0, cv::INTER_LINEAR);
+    const ReferenceViews views = simulateViews(image, orb, 13);
+    ASSERT_EQ(views.size(), 12U);
+    std::size_t features = 0;
+    for (const ReferenceView& view : views) {
+      EXPECT_LT(view.features.image_size.area(), 2 * size.area());
+      features += view.features.size();
+      for (const cv::KeyPoint& k : view.features.keypoints) {
+        const Eigen::Vector2d p = view.to_view.leftCols<2>().inverse() *
+                                  (Eigen::Vector2d(k.pt.x, k.pt.y) - view.to_view.col(2));
+        EXPECT_TRUE(test::isInside(p, size));
+      }
+    }
+    EXPECT_GT(features, 0U);
+  }
+}
+
+TEST(GrowthViews, OfALongReferenceFindItFromTheSide) {
+  cv::Mat tape;
+  cv::resize(scene(9)(cv::Rect(0, 0, 1200, 200)), tape, {2400, 400}, 0.0, 0.0, cv::INTER_LINEAR);
+  cv::GaussianBlur(tape, tape, {}, 0.6);
+  for (const double angle : {0.0, 0.8}) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    Eigen::Matrix3d truth;  // compressed to a third across `angle`
+    truth << c / 3.0, -s / 3.0, 40.0, s, c, -200.0 + 300.0 * c, 0.0, 0.0, 1.0;
+    truth = truth * test::translation(-600.0, 0.0);
+    truth(0, 2) += 200.0;
+    const FramePair pair(tape, test::warped(tape, truth, {640, 640}, cv::INTER_AREA));
+    const ReferenceViews views = simulateViews(tape, {}, 13);
+    MatchHints hints;
+    hints.views = &views;
+    const MatchResult result = matched(pair, MatcherOptions::robust(), hints);
+    ASSERT_EQ(result.status, Status::ok) << angle;
+    const Eigen::Vector2d shown = test::apply(truth.inverse(), {320.0, 320.0});
+    EXPECT_LT((test::apply(result.answer.homography, shown) - Eigen::Vector2d(320.0, 320.0)).norm(),
+              2.0);
+  }
 }
 
 TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {

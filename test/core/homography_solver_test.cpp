@@ -19,7 +19,7 @@
 #include "homography/point_pairs.h"
 #include "homography/reprojection_fit.h"
 #include "homography/smooth_field.h"
-#include "homography/transform.h"
+#include "homography/part_in_view.h"
 #include "homography/verdict.h"
 #include "synthetic_pairs.h"
 
@@ -289,6 +289,49 @@ TEST(HomographyChecks, SeesTheHorizonAndTheMirror) {
   }
   h = Eigen::Vector3d(-1.0, 1.0, 1.0).asDiagonal();
   EXPECT_FALSE(keepsPlaneInView(h, corners));
+}
+
+TEST(HomographyChecks, CutsTheImageOffAtTheHorizon) {
+  const auto corners = imageCorners(kSize, {});
+  EXPECT_EQ(partInView(Eigen::Matrix3d::Identity(), corners).size(), 4U);
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h(2, 1) = -1.0 / 240.0;  // the horizon is at y = 240, and the origin in front
+  for (const double sign : {1.0, -1.0}) {
+    const std::vector<Eigen::Vector2d> part = partInView(facing(sign * h), corners);
+    ASSERT_EQ(part.size(), 4U);
+    for (const Eigen::Vector2d& p : part) EXPECT_LT(p.y(), 240.0);
+    EXPECT_GT(overlap(sign * h, kSize), 0.3);
+  }
+  h = test::translation(0.0, 479.0) * Eigen::Vector3d(1.0, -1.0, 1.0).asDiagonal() * h *
+      Eigen::Vector3d(1.0, -1.0, 1.0).asDiagonal() * test::translation(0.0, -479.0);
+  h /= h(2, 2);  // seen from the other side: the origin is behind
+  for (const Eigen::Vector2d& p : partInView(facing(h), corners)) EXPECT_GT(p.y(), 230.0);
+}
+
+TEST(HomographyVerdict, TrustsAPlaneThatIsSeenInPartByItsInliersAlone) {
+  Numbers numbers(3);
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h(2, 1) = -1.0 / 300.0;  // all above y = 300 is in front
+  HomographyVerdict verdict;
+  for (const std::size_t inliers : {6U, 40U}) {
+    PointPairs pairs;
+    for (std::size_t i = 0; i < 80; ++i) {
+      const Eigen::Vector2d x(numbers.uniform(0.0, 640.0), numbers.uniform(0.0, 200.0));
+      const Eigen::Vector2d u = apply(h, x);
+      pairs.add(x, i < inliers ? u : Eigen::Vector2d(u + Eigen::Vector2d(30.0 + 5.0 * i, 40.0)),
+                0.5);
+    }
+    for (const double sign : {1.0, -1.0}) {
+      EXPECT_EQ(verdict.trusts(sign * h, pairs, kSize, 3.0), inliers == 40U) << inliers;
+    }
+    // Behind the horizon, the same pairs support nothing.
+    PointPairs behind;
+    for (std::size_t i = 0; i < 80; ++i) {
+      const Eigen::Vector2d x(numbers.uniform(0.0, 640.0), numbers.uniform(350.0, 480.0));
+      behind.add(x, apply(h, x), 0.5);
+    }
+    EXPECT_FALSE(verdict.trusts(h, behind, kSize, 3.0));
+  }
 }
 
 TEST(HomographyChecks, ResizingKeepsTheOutlineOfThePixels) {

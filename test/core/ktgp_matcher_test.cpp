@@ -12,6 +12,8 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "alignment_scene.h"
@@ -415,6 +417,59 @@ TEST(OneAnswer, OnRealPairs) {
     }
   }
   EXPECT_GT(relabelled, 50u);
+}
+
+/// Map -> image of a camera `y` px below the map's upper edge and `height` px above it, that looks
+/// up the map and down by `degrees`.
+Eigen::Matrix3d cameraOverMap(double y, double height, double degrees) {
+  const double t = degrees * M_PI / 180.0;
+  Eigen::Matrix3d turn;  // rows: right, down and forward of the camera; z points up from the map
+  turn << 1.0, 0.0, 0.0, 0.0, std::sin(t), -std::cos(t), 0.0, -std::cos(t), -std::sin(t);
+  Eigen::Matrix3d plane;
+  plane << turn.col(0), turn.col(1), -turn * Eigen::Vector3d(300.0, y, height);
+  return test::cameraMatrix(500.0, 500.0) * plane;
+}
+
+/// The camera's view; grey beyond the horizon and beside the map.
+cv::Mat viewOfMap(const cv::Mat& map, const Eigen::Matrix3d& to_image) {
+  const cv::Size size(640, 480);
+  cv::Mat view = test::warped(map, to_image, size, cv::INTER_LINEAR);
+  const Eigen::Matrix3d back = to_image.inverse();
+  for (int row = 0; row < size.height; ++row) {
+    for (int column = 0; column < size.width; ++column) {
+      const Eigen::Vector3d p = back * Eigen::Vector3d(column, row, 1.0);
+      const bool is_seen = (to_image * Eigen::Vector3d(p / p.z())).z() > 0.0 &&
+                           test::isInside(p.hnormalized(), map.size());
+      if (!is_seen) view.at<std::uint8_t>(row, column) = 128;
+    }
+  }
+  return view;
+}
+
+// The map goes on behind the camera, or the horizon is in the reference.
+TEST(KtgpMatcher, FindsAPlaneThatIsSeenInPart) {
+  const cv::Mat map = test::textureImage({600, 600}, 3);
+  for (const auto& [y, height, degrees] :
+       {std::tuple(400.0, 150.0, 35.0), std::tuple(640.0, 130.0, 12.0),
+        std::tuple(300.0, 120.0, 30.0)}) {
+    const Eigen::Matrix3d truth = cameraOverMap(y, height, degrees);
+    const FramePair pair(map, viewOfMap(map, truth));
+    const Eigen::Vector2d on_map(300.0, y - 1.8 * height);
+    const Eigen::Vector2d in_view = test::apply(truth, on_map);
+    ASSERT_TRUE(test::isInside(in_view, {640, 480}));
+    for (const bool is_reversed : {false, true}) {
+      FramePair given = pair;
+      if (is_reversed) std::swap(given.reference, given.target);
+      MatcherOptions options = MatcherOptions::robust();
+      options.alignment.enabled = false;
+      const MatchResult result = matched(given, options);
+      ASSERT_EQ(result.status, Status::ok) << degrees << " " << is_reversed;
+      const Eigen::Vector2d& from = is_reversed ? in_view : on_map;
+      const Eigen::Vector2d& to = is_reversed ? on_map : in_view;
+      EXPECT_LT((test::apply(result.answer.homography, from) - to).norm(), 1.0) << degrees;
+      EXPECT_GT(result.guided.size(), 0U) << "on the side of the horizon that is in view";
+    }
+  }
 }
 
 }  // namespace

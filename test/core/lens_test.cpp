@@ -74,6 +74,65 @@ TEST(Lens, UndoesBothModels) {
   }
 }
 
+/// A fisheye of 200 degrees.
+LensCalibration fisheye() {
+  LensCalibration c;
+  c.model = LensModel::equidistant;
+  c.image_size = {400, 400};
+  c.camera = {85.0, 0.0, 199.5, 0.0, 85.0, 199.5, 0.0, 0.0, 1.0};
+  c.distortion = {0.0, 0.0, 0.0, 0.0};
+  c.rectified_camera = c.camera;
+  return c;
+}
+
+TEST(Lens, GivesNoPlaceBeyondItsRange) {
+  std::vector<cv::KeyPoint> keypoints;
+  for (int degrees = 5; degrees <= 100; degrees += 5) {
+    keypoints.emplace_back(
+        cv::Point2f(static_cast<float>(199.5 + 85.0 * degrees * M_PI / 180.0), 199.5F), 31.F);
+  }
+  Lens(fisheye()).rectify(keypoints);
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const double angle = 5.0 * static_cast<double>(i + 1) * M_PI / 180.0;
+    if (i < 14) {
+      EXPECT_NEAR(keypoints[i].pt.x, 199.5 + 85.0 * std::tan(angle), 1e-2) << i;
+    } else if (i > 14) {
+      EXPECT_TRUE(std::isnan(keypoints[i].pt.x) && std::isnan(keypoints[i].pt.y)) << i;
+    }
+  }
+}
+
+// r (1 - 0.3 r²) has its largest value, .7, at r = 1.05: no ray leads to the pixels beyond, and two
+// rays to those within.
+TEST(Lens, GivesNoPlaceWhereTheModelBendsTwoRaysToOnePixel) {
+  const LensCalibration c = barrel();
+  std::vector<cv::KeyPoint> keypoints;
+  for (const double r : {0.5, 0.9, 1.5})
+    keypoints.emplace_back(cv::Point2f(seen(c.camera, bent(c, r, 0.0))), 31.F);
+  keypoints.emplace_back(162.F + 250.F * 0.75F, 118.F, 31.F);
+  Lens(c).rectify(keypoints);
+  EXPECT_NEAR(keypoints[0].pt.x, seen(c.rectified_camera, {0.5, 0.0}).x, 1e-2);
+  EXPECT_NEAR(keypoints[1].pt.x, seen(c.rectified_camera, {0.9, 0.0}).x, 1e-2);
+  EXPECT_LT(keypoints[2].pt.x, seen(c.rectified_camera, {1.1, 0.0}).x) << "the nearer of two rays";
+  EXPECT_TRUE(std::isnan(keypoints[3].pt.x));
+}
+
+TEST(Lens, FeaturesBeyondItsRangeAreLeftOut) {
+  Frame frame;
+  frame.image = test::textureImage({400, 400}, 5);
+  frame.lens = std::make_shared<Lens>(fisheye());
+  OrbExtractor extractor;
+  extractFeatures(extractor, frame);
+  Features all;
+  extractor.extract(frame.image, all);
+  EXPECT_LT(frame.features.size(), all.size());
+  EXPECT_GT(frame.features.size(), all.size() / 4);
+  EXPECT_EQ(static_cast<std::size_t>(frame.features.descriptors.rows), frame.features.size());
+  for (const cv::KeyPoint& k : frame.features.keypoints) {
+    EXPECT_LT(std::hypot(k.pt.x - 199.5, k.pt.y - 199.5), 85.0 * std::tan(75.1 * M_PI / 180.0));
+  }
+}
+
 TEST(Lens, RefusesWhatIsNoCalibration) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::vector<std::function<void(LensCalibration&)>> changes{

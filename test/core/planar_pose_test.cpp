@@ -221,6 +221,23 @@ TEST(PlanarPose, IsTheTrueOneOfTwoAsOftenAsItsShareSays) {
   EXPECT_NEAR(right, share, 0.03);
 }
 
+// Errors of five times the claimed deviations: before, a wrong pose was certain in every tenth
+// trial.
+TEST(PlanarPose, IsNotCertainWhereItMisfits) {
+  std::mt19937 random(8);
+  const Eigen::Isometry3d truth = farPose(60.0, 0.3);
+  const Covariance8 covariance = covarianceOf(truth, 0.2, random);
+  int wrong = 0;
+  for (int i = 0; i < 500; ++i) {
+    const auto found = posesOf(fit(truth, 1.0, random), covariance).poses;
+    if (found.empty() || found[0].share < 0.99) continue;
+    const double off = difference(found[0].target_to_camera, truth).tail<3>().norm();
+    wrong += off > 0.3 ? 1 : 0;
+  }
+  std::printf("certain and wrong: %d of 500\n", wrong);
+  EXPECT_LE(wrong, 15);
+}
+
 /// It tells which of the poses are near enough, and how certain they are.
 TEST(PlanarPose, IsNotThereWithoutACovariance) {
   std::mt19937 random(3);

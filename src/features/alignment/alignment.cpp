@@ -7,7 +7,7 @@
 #include "features/alignment/patch_aligner.h"
 #include "features/alignment/spread.h"
 #include "homography/fit.h"
-#include "homography/transform.h"
+#include "homography/part_in_view.h"
 #include "util/keypoint_position.h"
 #include "util/names.h"
 #include "util/options_check.h"
@@ -137,9 +137,9 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
   aligned_target.clear();
   rounding2 = 0.0;
   result.tried = chosen.size();
+  const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   for (const std::uint32_t match : chosen) {
-    const alignment::AlignedPatch patch =
-        aligner.align(result.answer.homography, reference_points[match], kReach);
+    const alignment::AlignedPatch patch = aligner.align(view, reference_points[match], kReach);
     if (patch.outcome != alignment::PatchOutcome::aligned) {
       ++(result.*kCounts[static_cast<std::size_t>(patch.outcome)]);
       continue;

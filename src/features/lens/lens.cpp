@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -9,6 +10,7 @@
 #include <string>
 
 #include "util/camera_check.h"
+#include "util/constants.h"
 #include "util/options_check.h"
 
 namespace ktgp_orb {
@@ -63,26 +65,58 @@ void requireCoefficients(const LensCalibration& calibration) {
 // lens.
 const cv::TermCriteria kUntil(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
 
+std::vector<cv::Point2d> raysOf(const LensCalibration& c, const std::vector<cv::Point2d>& pixels) {
+  std::vector<cv::Point2d> rays;
+  if (c.model == LensModel::equidistant) {
+    cv::fisheye::undistortPoints(pixels, rays, c.camera, c.distortion);
+  } else {
+    cv::undistortPoints(pixels, rays, c.camera, c.distortion, cv::noArray(), cv::noArray(), kUntil);
+  }
+  return rays;
+}
+
+/// Rays (x, y, 1) to pixels.
+std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv::Point2d>& rays) {
+  std::vector<cv::Point2d> pixels;
+  if (c.model == LensModel::equidistant) {
+    cv::fisheye::distortPoints(rays, pixels, c.camera, c.distortion);
+    return pixels;
+  }
+  std::vector<cv::Point3d> points;
+  for (const cv::Point2d& ray : rays) points.emplace_back(ray.x, ray.y, 1.0);
+  cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), c.camera, c.distortion, pixels);
+  return pixels;
+}
+
+constexpr double kNear = 1.0;  // px
+
 /// Near the middle, any lens that was calibrated can be undone.
 void requireInverse(const LensCalibration& c) {
   constexpr double kShare = 0.125;  // share of the image size, from the principal point
-  constexpr double kNear = 1.0;     // px
   const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
                                          c.camera(1, 2) + kShare * c.image_size.height}};
-  std::vector<cv::Point2d> rays;
-  std::vector<cv::Point2d> back;
-  if (c.model == LensModel::equidistant) {
-    cv::fisheye::undistortPoints(pixels, rays, c.camera, c.distortion);
-    cv::fisheye::distortPoints(rays, back, c.camera, c.distortion);
-  } else {
-    cv::undistortPoints(pixels, rays, c.camera, c.distortion, cv::noArray(), cv::noArray(), kUntil);
-    const std::vector<cv::Point3d> points{{rays[0].x, rays[0].y, 1.0}};
-    cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), c.camera, c.distortion, back);
-  }
-  if (cv::norm(back[0] - pixels[0]) < kNear) return;
+  if (cv::norm(pixelsOf(c, raysOf(c, pixels))[0] - pixels[0]) < kNear) return;
   throw std::invalid_argument(
       "the distortion of the lens cannot be undone even near the middle of the image; expected the "
       "coefficients (D) of a calibration");
+}
+
+// A pixel at 75 degrees from the axis covers 1 / cos² = 15 px of the image without distortion, and
+// 33 px at 80 degrees: beyond, a keypoint does not tell where the ray meets a plane.
+constexpr double kFarthestAngle = 75.0 * util::kPi / 180.0;
+
+/// Up to where larger angles lead farther from the principal point.
+double rangeOf(const LensCalibration& c) {
+  constexpr int kSteps = 300;
+  std::vector<cv::Point2d> rays;
+  for (int i = 0; i <= kSteps; ++i) rays.emplace_back(std::tan(kFarthestAngle * i / kSteps), 0.0);
+  const std::vector<cv::Point2d> pixels = pixelsOf(c, rays);
+  int last = 1;
+  while (last < kSteps &&
+         pixels[static_cast<std::size_t>(last) + 1].x > pixels[static_cast<std::size_t>(last)].x) {
+    ++last;
+  }
+  return kFarthestAngle * last / kSteps;
 }
 
 }  // namespace
@@ -108,19 +142,19 @@ void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
   std::vector<cv::Point2d> points;
   points.reserve(keypoints.size());
   for (const cv::KeyPoint& keypoint : keypoints) points.emplace_back(keypoint.pt);
-  std::vector<cv::Point2d> rectified;
-  if (c.model == LensModel::equidistant) {
-    cv::fisheye::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation,
-                                 c.rectified_camera);
-  } else {
-    cv::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation, c.rectified_camera,
-                        kUntil);
-  }
+  const std::vector<cv::Point2d> rays = raysOf(c, points);
+  const std::vector<cv::Point2d> back = pixelsOf(c, rays);
+  constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
+  const double range = rangeOf(c);
+  const double least = std::cos(kFarthestAngle);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    const cv::Point2d& point = rectified[i];
-    // If no ray through the lens leads to a point, the point stays where it is: a few more wrong
-    // matches.
-    if (std::isfinite(point.x) && std::isfinite(point.y)) keypoints[i].pt = point;
+    const cv::Vec3d turned = c.rotation * cv::Vec3d(rays[i].x, rays[i].y, 1.0);
+    const bool is_in_range = std::atan(cv::norm(rays[i])) < range &&
+                             cv::norm(back[i] - points[i]) < kNear &&
+                             turned[2] > least * cv::norm(turned);
+    const cv::Vec3d p = c.rectified_camera * turned;
+    keypoints[i].pt = is_in_range ? cv::Point2f(cv::Point2d(p[0] / p[2], p[1] / p[2]))
+                                  : cv::Point2f(kNowhere, kNowhere);
   }
 }
 

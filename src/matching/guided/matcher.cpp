@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "homography/fit.h"
-#include "homography/transform.h"
+#include "homography/part_in_view.h"
 #include "matching/knn/near_search.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
@@ -20,7 +20,7 @@ constexpr int kNoDistance = 256;
 }  // namespace
 
 struct GuidedMatcher::Impl {
-  void placeReference(const Features& reference, const Eigen::Matrix3d& h);
+  void placeReference(const Features& reference, const Eigen::Matrix3d& homography);
   void findNearest(const Features& reference, const Features& target);
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
   bool estimate(const cv::Size& reference_size, double threshold, bool by_cell,
@@ -75,7 +75,9 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
   }
 }
 
-void GuidedMatcher::Impl::placeReference(const Features& reference, const Eigen::Matrix3d& h) {
+void GuidedMatcher::Impl::placeReference(const Features& reference,
+                                         const Eigen::Matrix3d& homography) {
+  const Eigen::Matrix3d h = homography::facing(homography);
   constexpr double kFar = 1e6;  // px
   constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
   places.resize(reference.size());
@@ -125,7 +127,10 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
     return false;
   }
   const auto corners = homography::imageCorners(reference_size, reference_points);
-  if (!homography::keepsPlaneInView(candidate.homography, corners)) return false;
+  const auto shows_all = [&](const UncertainHomography& answer) {
+    return homography::keepsPlaneInView(homography::facing(answer.homography), corners);
+  };
+  if (shows_all(estimate) && !shows_all(candidate)) return false;
   const std::size_t share = by_cell ? 2 : 1;  // at least one in so many still agree
   if (share * supporters(candidate.homography, threshold) <
       supporters(estimate.homography, threshold)) {

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "homography/part_in_view.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "util/divide.h"
 #include "util/keypoint_position.h"
@@ -27,16 +28,15 @@ constexpr double kCellsPerRadius =
     2;  // smaller cells: fewer useless candidates; larger ones: longer runs
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
 
-/// Target to reference, with positive depth in the middle of the target.
-Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction, const cv::Size& target) {
+/// Target to reference, with positive depth where the target shows the plane.
+Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction) {
   const Eigen::Matrix3d inverse = prediction.inverse();
   if (!prediction.allFinite() || !inverse.allFinite()) {
     throw std::invalid_argument(
         "the predicted homography cannot be inverted; expected a finite "
         "3x3 matrix of rank 3");
   }
-  const Eigen::Vector2d middle(0.5 * target.width, 0.5 * target.height);
-  return inverse.row(2).dot(middle.homogeneous()) < 0.0 ? Eigen::Matrix3d(-inverse) : inverse;
+  return homography::facing(inverse);
 }
 
 Correspondence fromKeys(const NearKeys& keys, std::int32_t number) {
@@ -142,7 +142,7 @@ void NearSearch::match(const Features& reference, const Features& target,
 }
 
 void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& prediction) {
-  const Eigen::Matrix3d h = backwards(prediction, target.image_size);
+  const Eigen::Matrix3d h = backwards(prediction);
   places_.resize(target.size());
   for (std::size_t i = 0; i < target.size(); ++i) {
     const cv::Point2f& p = target.keypoints[i].pt;

@@ -1,0 +1,114 @@
+#include "growth/shift_votes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include "homography/part_in_view.h"
+
+namespace ktgp_orb::growth {
+namespace {
+
+constexpr double kRadius = 5.0;  // px: the homography is only good to some px far from its matches
+constexpr double kApart = 15.0;  // px: nearer peaks are one
+constexpr std::size_t kMost = 16;
+constexpr std::size_t kFewest = 3;  // voters of a peak
+
+std::uint64_t cellOf(const Eigen::Vector2d& p) {
+  constexpr double kCell = 12.0;  // px
+  const auto part = [](double v) {
+    return static_cast<std::uint64_t>(
+        static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(v / kCell))));
+  };
+  return (part(p.x()) << 32) | part(p.y());
+}
+
+double countDistinct(std::vector<std::uint64_t>& cells) {
+  std::sort(cells.begin(), cells.end());
+  return static_cast<double>(std::unique(cells.begin(), cells.end()) - cells.begin());
+}
+
+}  // namespace
+
+template <typename Visit>
+void ShiftVotes::visitNear(const Eigen::Vector2d& shift, Visit visit) const {
+  auto vote = std::lower_bound(votes_.begin(), votes_.end(), shift.x() - kRadius,
+                               [](const Vote& v, double x) { return v.shift.x() < x; });
+  for (; vote != votes_.end() && vote->shift.x() <= shift.x() + kRadius; ++vote) {
+    if ((vote->shift - shift).squaredNorm() < kRadius * kRadius) visit(*vote);
+  }
+}
+
+ShiftVotes::Peak ShiftVotes::peakAt(const Eigen::Vector2d& shift, const cv::Size& target) {
+  Peak peak;
+  peak.shift = shift;
+  for (auto& cells : cells_) cells.clear();
+  visitNear(shift, [&](const Vote& vote) {
+    cells_[0].push_back(cellOf(vote.from));
+    cells_[1].push_back(cellOf(vote.to));
+    peak.centre += vote.from;
+  });
+  peak.centre /= static_cast<double>(std::max<std::size_t>(cells_[0].size(), 1));
+  peak.votes = std::min(countDistinct(cells_[0]), countDistinct(cells_[1]));
+  for (const Vote& vote : votes_) {
+    const Eigen::Vector2d place = vote.to - vote.shift + shift;
+    peak.seen +=
+        place.x() > 0.0 && place.y() > 0.0 && place.x() < target.width && place.y() < target.height
+            ? 1.0
+            : 0.0;
+  }
+  return peak;
+}
+
+void ShiftVotes::findOthers(const cv::Size& target) {
+  others_.clear();
+  near_.assign(votes_.size(), 0);
+  for (std::size_t i = 0; i < votes_.size(); ++i) {
+    visitNear(votes_[i].shift, [&](const Vote& /*vote*/) { ++near_[i]; });
+  }
+  order_.resize(votes_.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    return near_[a] != near_[b] ? near_[a] > near_[b] : a < b;
+  });
+  for (const std::size_t i : order_) {
+    if (near_[i] < kFewest || others_.size() == kMost) return;
+    const Eigen::Vector2d& shift = votes_[i].shift;
+    const auto is_same = [&](const Peak& peak) { return (peak.shift - shift).norm() < kApart; };
+    if (is_same(own_) || std::any_of(others_.begin(), others_.end(), is_same)) continue;
+    others_.push_back(peakAt(shift, target));
+  }
+}
+
+void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
+                       const cv::Size& target) {
+  const Eigen::Matrix3d view = homography::facing(map);
+  votes_.clear();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::Vector3d p = view * pairs.reference[i].homogeneous();
+    if (!(p.z() > 0.0)) continue;
+    const Eigen::Vector2d shift = pairs.target[i] - p.hnormalized();
+    if (shift.allFinite()) votes_.push_back({shift, pairs.reference[i], pairs.target[i]});
+  }
+  std::sort(votes_.begin(), votes_.end(), [](const Vote& a, const Vote& b) {
+    const auto key = [](const Vote& v) {
+      return std::tuple(v.shift.x(), v.shift.y(), v.from.x(), v.from.y());
+    };
+    return key(a) < key(b);
+  });
+  own_ = peakAt({0.0, 0.0}, target);
+  findOthers(target);
+}
+
+// Drawn pages of symbols, tables, facades and circuit boards: a right homography had at least four
+// times the share of any other shift, a wrong one less than that of the best other shift.
+bool ShiftVotes::isRivalled() const {
+  constexpr double kClear = 2.0;
+  return std::any_of(others_.begin(), others_.end(), [&](const Peak& other) {
+    const double certain = other.votes - std::sqrt(other.votes);  // less one deviation
+    return own_.share() * std::max(other.seen, 1.0) < kClear * certain;
+  });
+}
+
+}  // namespace ktgp_orb::growth

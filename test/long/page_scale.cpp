@@ -1,0 +1,30 @@
+// Scanned pages, facades and circuit boards that repeat themselves: pairs that share only their
+// symbols, of which none may be found, and pairs that share 30 % of their width. Run by
+// `ctest -L long`.
+//   page_scale PAIRS SEED: so many of each.
+// Fails where one of the former is found, or one of the latter is wrong, or fewer than 95 % of
+// these are found.
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "drawn_pages.h"
+
+int main(int argc, char** argv) {
+  if (argc != 3) {
+    std::fprintf(stderr, "page_scale PAIRS SEED\n");
+    return 2;
+  }
+  using ktgp_orb::test::kPages;
+  const std::uint64_t first = std::strtoull(argv[2], nullptr, 10);
+  const std::uint64_t last =
+      first + (std::strtoull(argv[1], nullptr, 10) + kPages.size() - 1) / kPages.size();
+  const auto apart = ktgp_orb::test::countPages(0.0, first, last);
+  const auto related = ktgp_orb::test::countPages(0.3, first, last);
+  std::printf("only symbols in common: %d of %d found\n", apart.found, apart.pairs);
+  std::printf("30 %% in common: %d of %d found, %d wrong\n", related.found, related.pairs,
+              related.wrong);
+  const bool right =
+      apart.found == 0 && related.wrong == 0 && related.found >= 0.95 * related.pairs;
+  return right ? 0 : 1;
+}
