@@ -76,7 +76,7 @@ enum class Search : std::uint8_t {
 
 /// Which stage found the homography.
 enum class FoundBy : std::uint8_t {
-  none = 0,    ///< there is none
+  none = 0,    ///< no homography was found
   prosac = 1,  ///< the matches of level ktg
   growth = 2,  ///< grown from single matches after PROSAC had found none (HomographyGrowth)
 };

@@ -23,10 +23,10 @@ void requireRegularFile(const std::string& file);
 /// end, and for other depths (float, 32 bits), whose black and white nobody knows.
 cv::Mat readPicture(const std::string& file, int flags);
 
-/// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
+/// Reads a picture as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
-/// The same to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
+/// Reads a picture to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
 cv::Mat readForView(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the

@@ -81,7 +81,7 @@ bool renameToNew(const char* from, const char* to) {
   return true;
 }
 
-/// For the newest error of the system.
+/// Throws FileError with the newest error of the system.
 [[noreturn]] void fail(const std::string& path) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
@@ -90,7 +90,8 @@ bool renameToNew(const char* from, const char* to) {
 bool synchronised(const std::string& path, int flags) {
   const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) return false;
-  const bool done = fsync(descriptor) == 0 || errno == EINVAL;  // a file system without it
+  const bool done =
+      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: the file system has no fsync
   const int error = errno;
   close(descriptor);
   errno = error;

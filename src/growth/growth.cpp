@@ -77,7 +77,7 @@ struct HomographyGrowth::Impl {
   std::vector<std::int32_t> voters;
   growth::Places near, near_in_target;  // places of the voters
   std::vector<Eigen::Matrix3d> tried;   // maps that the seeds grew to
-  std::vector<Grown> grown;             // the same; only the first `grown_count` are valid
+  std::vector<Grown> grown;             // grown maps; only the first `grown_count` are valid
   std::size_t grown_count = 0;
   std::size_t start_place = 0;        // place of the start among them; behind all if there is none
   std::vector<std::size_t> order;     // order of `grown`, the best first

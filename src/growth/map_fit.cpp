@@ -13,7 +13,7 @@ namespace {
 
 using homography::Normalisation;
 
-/// To the centroid, and to a mean distance of 1.
+/// Moves the centroid to zero and the mean distance from it to 1.
 Normalisation scalingOf(const Places& places) {
   Normalisation s;
   s.centre = middleOf(places);
@@ -31,7 +31,7 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Not mirrored, and all places on the near side of the horizon.
+/// Whether the map does not mirror, and all places are on the near side of the horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const Eigen::Vector2d& place) {

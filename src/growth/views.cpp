@@ -53,7 +53,7 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   cv::Mat blurred;
   cv::GaussianBlur(turned, blurred, cv::Size(0, 1), kBlur * std::sqrt(tilt * tilt - 1.0), 1e-6,
                    cv::BORDER_REPLICATE);
-  // From the rotated image to the view: compressed about the middle.
+  // Map from the rotated image to the view, which is compressed about the middle.
   Eigen::Matrix<double, 2, 3> squeeze;
   squeeze << 1.0 / tilt, 0.0, 0.5 * (size.width - 1) - 0.5 * (turned_size.width - 1) / tilt,  //
       0.0, 1.0, 0.5 * (size.height - 1) - 0.5 * (turned_size.height - 1);

@@ -25,10 +25,10 @@ struct ImageArray {
 /// py::value_error, which names the image, its type or shape, and what is expected.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
-/// The same as CV_8UC1; colours are converted, then stretched.
+/// An image as CV_8UC1; colours are converted, then stretched.
 ImageArray greyImage(const py::object& image, const std::string& name);
 
-/// The same for a mask, or an empty matrix for None.
+/// A mask as CV_8UC1, or an empty matrix for None.
 ImageArray maskImage(const py::object& mask);
 
 /// (N, 6) float32: x, y, size, angle, response, octave.
@@ -51,7 +51,7 @@ py::array_t<Number> view(const std::vector<Number>& values, const py::object& ow
   return out;
 }
 
-/// The same for points, of shape (N, 2).
+/// Points as an array of shape (N, 2).
 inline py::array_t<double> view(const std::vector<Eigen::Vector2d>& points,
                                 const py::object& owner) {
   const auto* const numbers = reinterpret_cast<const double*>(points.data());

@@ -11,13 +11,13 @@ namespace ktgp_orb::util {
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 24, 24>;
 using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
 
-/// a b.
+/// The product a b.
 SmallMatrix times(const SmallRef& a, const SmallRef& b);
 /// The covariance of `slope` times a vector with the covariance `covariance`.
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
 /// Inverse of a symmetric matrix.
 SmallMatrix inverseOf(const SmallRef& matrix);
-/// W with W covariance W' = I; empty if the covariance is not positive definite.
+/// A matrix W with W covariance W' = I; empty if the covariance is not positive definite.
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);
 
 struct LeastSquares {
