@@ -88,7 +88,7 @@ enum class GroundStatus : std::uint8_t {
   no_height = 5,      ///< no height was given yet
   no_normal = 6,      ///< the normal was not given, and the motion does not show it yet
   contradiction = 7,  ///< the homography is a jump after earlier frames, and is not used
-  stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
+  stamp_went_back = 8,  ///< a looped recording, or a clock that was set: the motion restarts
   not_finite = 9,       ///< numbers too large to compute with: everything begins anew
   /// The camera looks above the horizon: by normals again and again, or no picture says otherwise.
   looks_away = 10,
@@ -101,8 +101,8 @@ const char* toString(GroundStatus status);
 /// pictures show. Deviations are standard deviations; what the motion does not show has the value 0
 /// and an infinite one.
 struct ImuMounting {
-  /// From where the Imu is said to be mounted to where it is: a turn about the axes of the base by
-  /// its length, rad. Not found beyond 0.35 rad.
+  /// Rotation from the stated mounting of the Imu to the true one: a turn about the axes of the
+  /// base by its length, rad. Not found beyond 0.35 rad.
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_deviation = Eigen::Vector3d::Zero();
   /// How much later its stamps are than those of images of the same time, s.

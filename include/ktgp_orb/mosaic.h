@@ -85,7 +85,7 @@ class Mosaic {
 
   /// The map, CV_8UC4: BGR, and alpha 0 for unseen parts; empty before the first drawing.
   cv::Mat image() const;
-  /// The same as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
+  /// The map as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
   /// outline of the last placed frame.
   cv::Mat picture(int longest) const;
   /// The part of the map that image() shows, px.

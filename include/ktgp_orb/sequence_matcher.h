@@ -167,9 +167,9 @@ class SequenceMatcher {
   /// type and for a time that is not finite or more than 292 years from zero.
   const SequenceMatch& match(const cv::Mat& image, double seconds,
                              const std::string& encoding = {});
-  /// The same for features found elsewhere. Throws as requireValid does.
+  /// Matches features found elsewhere. Throws as requireValid does.
   const SequenceMatch& match(const Features& features, double seconds);
-  /// The same for a frame, which is kept without a copy: do not change it until its use_count() is
+  /// Matches a frame, which is kept without a copy: do not change it until its use_count() is
   /// 1 again. If `ahead` is not null, it is used instead of a new match to the reference that it
   /// names, if canMatchAhead says so.
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead = nullptr);

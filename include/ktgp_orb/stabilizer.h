@@ -72,7 +72,7 @@ class Stabilizer {
   StabilizerOptions options_;
   FramePath path_;
   cv::Size size_;
-  std::deque<SteadyFrame> waiting_;  // without their warps
+  std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
   Corners correction_;  // where the corners of the newest finished frame were moved to, px
   Corners fading_;      // the rest of the correction before the path began anew
   std::int64_t fading_since_ = 0;

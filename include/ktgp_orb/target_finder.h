@@ -30,9 +30,9 @@ struct Target {
 };
 
 struct TargetFinderOptions {
-  /// For the frames and the targets. By default more keypoints than usual, and in every part of the
-  /// frame: a target may be small. Also more pyramid levels (targets use five of them): a target
-  /// may be three times as large as in its image.
+  /// Options of the features of frames and targets. By default more keypoints than usual, and in
+  /// every part of the frame: a target may be small. Also more pyramid levels (targets use five of
+  /// them): a target may be three times as large as in its image.
   OrbOptions orb = [] {
     OrbOptions options;
     options.max_features = 3300;
@@ -142,8 +142,8 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
-  /// These TargetFinderOptions from the next frame on. Throws as the constructor does, without any
-  /// change.
+  /// Sets these TargetFinderOptions from the next frame on. Throws as the constructor does, without
+  /// any change.
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
@@ -151,7 +151,7 @@ class TargetFinder {
   /// texture, one that shows the same as another target, so that the two could not be told apart,
   /// and a frame that meets another target's.
   void add(const Target& target);
-  /// The same in place of the target with this id, which must exist.
+  /// Adds the target in place of the one with this id, which must exist.
   void replace(const Target& target);
   /// False if there is no such target.
   bool remove(const std::string& id);
@@ -163,7 +163,7 @@ class TargetFinder {
 
   /// `image`: 8-bit grey; otherwise std::invalid_argument.
   const TargetFrame& find(const cv::Mat& image);
-  /// The same for features found elsewhere; without images there is no alignment. Throws as
+  /// Searches in features found elsewhere; without images there is no alignment. Throws as
   /// requireValid does, and for descriptors of another kind.
   const TargetFrame& find(const Features& features);
 

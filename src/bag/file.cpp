@@ -276,7 +276,7 @@ void BagFile::checkAgainstHeader() {
     return;
   }
   const auto low = number(header_->fields, "index_pos");
-  if (low && *low == 0) return;  // not finished: it has no counts yet
+  if (low && *low == 0) return;  // an unfinished bag has no counts yet
   const auto is = [this](const char* name, std::size_t found) {
     const auto count = number(header_->fields, name);
     if (count && *count == found) return;
@@ -332,7 +332,7 @@ bool BagFile::agrees(const Chunk& chunk, const ChunkInfo& info) {
   return chunk.times.empty() || (info.start == first && info.end == last);
 }
 
-/// For an index that is missing or wrong.
+/// Replaces an index that is missing or wrong.
 void BagFile::indexFromMessages(Chunk& chunk) {
   Times times;
   const ChunkContents contents = read(chunk);

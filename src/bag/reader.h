@@ -104,7 +104,7 @@ class BagMessages {
 struct RecordedImage {
   sensor_msgs::ImageConstPtr image;  ///< null where it cannot be decoded
   ros::Time received;
-  std::string problem{};  ///< then: why
+  std::string problem{};  ///< the reason, if there is no image
 };
 
 /// The images of one topic of a bag, in the order of their times.

@@ -143,7 +143,7 @@ class Video : public ImageSource {
   /// Containers that only estimate the number of images are a little wrong, and far too high where
   /// the first image is late.
   bool isTooFew(std::size_t images) const {
-    constexpr std::size_t kTolerance = 50;  // one in this many
+    constexpr std::size_t kTolerance = 50;  // one missing image in this many is tolerated
     constexpr std::size_t kMost = 100;      // times the images that are there
     return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
   }

@@ -11,8 +11,8 @@ namespace ktgp_orb {
 /// Kinds of input that can stand in place of a bag.
 enum class InputKind { bag, video, images };
 
-/// By the first line of the file and the ending ".bag"; a name with * ? [ that is not a file is the
-/// pattern of images; anything else is a video.
+/// Decides by the first line of the file and the ending ".bag"; a name with * ? [ that is not a
+/// file is the pattern of images; anything else is a video.
 InputKind kindOf(const std::string& path);
 
 /// Opens a video that OpenCV can read. The stamp of an image is its time in the video; 1 ns for the

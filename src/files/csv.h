@@ -24,7 +24,7 @@ class CsvRow {
   /// Empty fields.
   CsvRow& skip(std::size_t fields);
 
-  /// With the end of the line.
+  /// The row with the end of the line.
   std::string line() const { return text_ + '\n'; }
 
  private:

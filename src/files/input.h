@@ -29,10 +29,10 @@ std::string unreadableFormat(const std::string& file);
 /// cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
-/// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
+/// Reads a picture as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
-/// The same to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
+/// Reads a picture to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
 cv::Mat readForView(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the

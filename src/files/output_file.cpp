@@ -119,7 +119,8 @@ std::string leftName(const std::string& target) {
 bool synchronised(const std::string& path, int flags) {
   const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) return false;
-  const bool done = fsync(descriptor) == 0 || errno == EINVAL;  // a file system without it
+  const bool done =
+      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: the file system has no fsync
   const int error = errno;
   close(descriptor);
   errno = error;

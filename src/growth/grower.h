@@ -31,9 +31,9 @@ struct GrowthPlan {
   std::size_t first_exact, more_exact, most_exact;
 };
 
-/// For frames of the same scene: many matches, and nothing but them to judge the result by.
+/// Plan for frames of the same scene: many matches, which alone decide about the result.
 constexpr GrowthPlan kScenePlan{10, 120.0, 4.0 / 3.0, 15.F, 0.863413F, 0.F, 4.F, 4, 1, 4, 2, 12};
-/// For a flat target, which may be small in the frame: fewer matches; the images decide later.
+/// Plan for a flat target, which may be small in the frame: fewer matches; the images decide later.
 constexpr GrowthPlan kTargetPlan{7, 90.0, 1.4, 16.F, 0.83F, 10.F, 16.F, 1, 8, 3, 1, 8};
 
 /// Grows a map from a seed (Ferrari, Tuytelaars & Van Gool, ECCV 2004, expand and contract): guided

@@ -75,7 +75,7 @@ class LocalMatcher {
   cv::Size image_size_;
   // Cell by cell.
   std::vector<LocalFrame> frames_;
-  std::vector<float> columns_;  // the same, for the kernel: x of all, y of all ...
+  std::vector<float> columns_;  // `frames_` by columns, for the kernel: x of all, y of all ...
   std::size_t pitch_ = 0;       // distance of two columns, elements
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;       // position of each keypoint among them

@@ -15,7 +15,7 @@ using homography::Normalisation;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// To the centroid, and to a mean distance of 1.
+/// Moves the centroid to zero and the mean distance from it to 1.
 Normalisation scalingOf(const Places& places) {
   Normalisation s;
   s.centre = middleOf(places);

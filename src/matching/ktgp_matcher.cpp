@@ -45,7 +45,7 @@ void clearTwoView(MatchResult& result) {
   util::resetKeeping(&TwoView::mask, two_view.view);
 }
 
-/// As if no geometry had been looked for. Keeps the buffers.
+/// Removes the geometry from the result, and keeps the buffers.
 void clearGeometry(MatchResult& result) {
   util::resetKeeping(&ProsacResult::mask, result.prosac);
   result.found_by = FoundBy::none;

@@ -196,7 +196,7 @@ Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
   return covarianceOfBoth() - times(known.transpose(), known);
 }
 
-/// With the rolling shutter taken out, as far as it is known.
+/// The homography without the rolling shutter, as far as it is known.
 Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> h = motion.homography;
   Eigen::Map<Vector8>(h.data()) += readout_ * motion.by_readout;

@@ -86,7 +86,7 @@ class GroundFilter {
   /// In the frame of the keyframe.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
-  /// False where numbers were too large to compute with: nothing after that can be.
+  /// False after numbers that were too large to compute with; the filter must then restart.
   bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
   /// The newest pose in the odometry, and its covariance.
   CameraPose pose() const;

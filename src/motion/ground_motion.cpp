@@ -133,7 +133,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
   const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
-  constexpr int kBelieved = 10;  // one after the other
+  constexpr int kBelieved = 10;  // this many in a row are believed
   looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
   if (looks_away > (was_down ? kBelieved : 0)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
@@ -225,7 +225,7 @@ GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? status : GroundStatus::no_normal;
 }
 
-/// A pose from the homography to the keyframe.
+/// Computes the pose from the homography to the keyframe.
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   const auto innovation = filter.advance(image);
@@ -257,7 +257,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
 
-/// With the pictures as they are before they follow the readings.
+/// Compares the Imu with the pictures before these are corrected by the readings.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
   const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
   if (!frame.turn && !has_down) return;

@@ -241,7 +241,7 @@ namespace {
 constexpr double kDegrees = 180.0 / util::kPi;  // per rad
 constexpr double kMilliseconds = 1e3;           // per s
 
-/// As many digits as the deviation tells.
+/// Value and deviation, with the digits that the deviation leaves certain.
 std::string plusMinus(double value, double deviation, const std::string& unit) {
   const double places = -std::floor(std::log10(std::max(deviation, 1e-6)));
   const int digits = static_cast<int>(std::max(places, 0.0));
@@ -271,7 +271,7 @@ void append(const char* what, const std::string& more, std::string& text) {
   if (!more.empty()) text += (text.empty() ? what : std::string("; ") + what) + more;
 }
 
-/// More than noise, and more than `least`.
+/// Predicate: larger than noise explains, and larger than `least`.
 auto matters(double least) {
   return [least](double value, double deviation) {
     constexpr double kCertain = 4.0;  // deviations

@@ -58,7 +58,7 @@ class Mounting {
 
   bool was_added_ = false;    // this frame
   bool is_running_ = false;   // the last frame was added
-  bool gives_turns_ = false;  // else directions
+  bool gives_turns_ = false;  // whether the Imu gives turns; otherwise it gives directions
   int without_turn_ = 0;      // frames, one after the other
   SeenTurn last_;             // turn of the last frame
   std::int64_t reference_stamp_ = 0;

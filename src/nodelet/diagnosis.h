@@ -35,7 +35,7 @@ class Diagnosis {
 
   void arrived();
   void count(const char* name, std::uint64_t number = 1);
-  /// Since the start, and in the last ten seconds.
+  /// Counts since the start, and in the last ten seconds.
   std::uint64_t total(const char* name) const;
   std::uint64_t recent(const char* name) const;
   /// An image or message that cannot be used.
@@ -47,11 +47,11 @@ class Diagnosis {
   /// A problem of this kind with the frames; it ends when none are received. Empty: none. `log`:
   /// say it in the log, too.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
-  /// One that lasts whether or not frames are received.
+  /// A problem that lasts whether or not frames are received.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
   /// Text where there is no problem, "works" for example.
   void setState(const std::string& text);
-  /// Shown as it is.
+  /// A value of the report, shown as it is.
   void setValue(const std::string& name, const std::string& value);
   /// Latency that is reported as late, s.
   void setMaxLatency(double seconds);

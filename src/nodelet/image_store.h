@@ -17,7 +17,7 @@ class ImageStore {
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// So many images more may wait, however large they are. Valid from the next image.
+  /// Sets how many more images may wait, however large they are. Valid from the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// How many were dropped because of kBytes. Those beyond kImages are too old for a homography.

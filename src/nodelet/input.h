@@ -29,7 +29,7 @@ class Input {
   /// Messages since the start.
   std::uint64_t arrived() const { return arrived_; }
   virtual std::uint32_t publishers() const = 0;
-  /// Not subscribed while it is off, for example a sensor that is not used.
+  /// While off, the input does not subscribe, for example to a sensor that is not used.
   void enable(bool enabled) { enabled_ = enabled; }
   /// Call it again after enable().
   void subscribe(bool wanted);

@@ -23,7 +23,7 @@ class InputWatch {
   /// arrive.
   const std::string& trouble() const { return trouble_; }
 
-  /// For how long nothing has arrived while subscribed, s.
+  /// Time without a message while subscribed, s.
   int silentSeconds() const { return subscribed_ ? silent_seconds_ : 0; }
 
   /// A message that several nodes publish the topic, with their names; empty if only one does.

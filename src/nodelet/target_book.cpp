@@ -230,7 +230,7 @@ void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   }
 }
 
-/// Only those in the folder of the list: the others are the user's.
+/// Deletes only images in the folder of the list: the others are the user's.
 void TargetBook::deleteImages(const std::vector<TargetEntry>& of) const {
   if (file_.empty()) return;
   std::error_code none;

@@ -191,7 +191,7 @@ class Worker {
             entry.command(*state_);
           }
         });
-        entry = {};  // it holds a message
+        entry = {};  // releases the message that it holds
       }
       if (afterwards_) attempt([&] { afterwards_(*state_); });
     }

@@ -24,7 +24,7 @@ void copyAsBgr(const cv::Mat& image, cv::Mat region);
 /// Sizes of text and strokes, in px, for an image size.
 class Typeface {
  public:
-  /// For an image of `size`: legible at 320x240, and in proportion at 1920x1080.
+  /// Chooses sizes for an image of `size`: legible at 320x240, and in proportion at 1920x1080.
   explicit Typeface(const cv::Size& size);
 
   int lineHeight() const { return line_height_; }

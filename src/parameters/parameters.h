@@ -66,7 +66,7 @@ const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& 
 const std::map<std::string, std::string>& removedParameters(const std::string& nodelet);
 /// The same for one name; empty: it never was one of this nodelet.
 std::string whyRemoved(const std::string& nodelet, const std::string& name);
-/// Throws std::invalid_argument with that reason, if there is one.
+/// Throws std::invalid_argument with the reason of whyRemoved, if there is one.
 void refuseRemoved(const std::string& nodelet, const std::string& name);
 
 /// A parameter of the matcher and its value in Parameters.

@@ -26,10 +26,10 @@ struct ImageArray {
 /// its type or shape, and what is expected; also for a masked array with hidden values.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
-/// The same as CV_8UC1; colours are converted, then stretched.
+/// An image as CV_8UC1; colours are converted, then stretched.
 ImageArray greyImage(const py::object& image, const std::string& name);
 
-/// The same for a mask, or an empty matrix for None.
+/// A mask as CV_8UC1, or an empty matrix for None.
 ImageArray maskImage(const py::object& mask);
 
 /// (N, 6) float32: x, y, size, angle, response, octave.

@@ -22,7 +22,7 @@
 namespace ktgp_orb::python {
 namespace {
 
-/// For a property of a shared object.
+/// Getter for a property of a shared object.
 template <typename Object, typename Value>
 auto getting(Value (Object::*get)() const) {
   return [get](Shared<Object>& shared) {

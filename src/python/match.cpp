@@ -262,7 +262,7 @@ void defineMatch(py::module_& module) {
                       }));
 }
 
-/// With the images, which the sub-pixel alignment needs.
+/// State for pickle, with the images, which the sub-pixel alignment needs.
 py::tuple featuresState(const py::object& self) {
   const auto& features = self.cast<const Features&>();
   py::list images;

@@ -87,7 +87,7 @@ inline double secondsOf(std::int64_t stamp) {
   return 1e-9 * static_cast<double>(stamp);
 }
 
-/// For pickle.
+/// State of a match for pickle.
 py::tuple stateOf(const Match& match);
 void restore(const py::tuple& state, Match& match);
 

@@ -26,7 +26,7 @@ struct CopyField {
   }
 };
 
-/// To a message with all fields: HomographyStamped, TargetDetection.
+/// Copies the answer to a message with all fields: HomographyStamped, TargetDetection.
 template <typename Message>
 void copyAnswer(const UncertainHomography& answer, Message& message) {
   homography::visitAnswer(CopyField(), answer, message);

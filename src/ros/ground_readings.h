@@ -64,7 +64,8 @@ class GroundReadings {
   // The readings for an image; empty: none is wanted now. Throw std::invalid_argument with the
   // reason why one is missing.
   std::optional<HeightReading> height(const std_msgs::Header& image);
-  /// To the time of an image. Throws std::invalid_argument where there is none within max_age.
+  /// The reading nearest to the time of an image. Throws std::invalid_argument where there is none
+  /// within max_age.
   template <typename Message>
   const Message& nearest(const std::deque<Message>& messages, const std::string& what,
                          const ros::Time& image) const;

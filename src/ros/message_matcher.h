@@ -51,7 +51,7 @@ class MessageMatcher {
 
   Configuration configuration_;
   SequenceMatcher sequence_;
-  FrameConstPtr configured_reference_;  // not of the camera
+  FrameConstPtr configured_reference_;  // from the parameters, not from the camera
   FrameMaker frame_maker_;
   const SequenceMatch* last_ = nullptr;
 };

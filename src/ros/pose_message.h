@@ -16,7 +16,7 @@ namespace ktgp_orb {
 geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6& covariance);
 geometry_msgs::TwistWithCovariance toMessage(const Twist6& twist, const Covariance6& covariance);
 
-/// For tf: the frame of the header -> `child`.
+/// Transform for tf: the frame of the header -> `child`.
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const std::string& child,
                                             const geometry_msgs::Pose& pose);

@@ -13,8 +13,9 @@ namespace ktgp_orb::sequence {
 /// Frames are identified by their addresses: the sequence holds the last frame and its reference.
 class MotionPredictor {
  public:
-  /// From `reference` to `next`. Assumes no motion where it is not known, for example after a gap.
-  /// Empty where the position of the last frame, seen from `reference`, is not known.
+  /// Predicted homography from `reference` to `next`. Assumes no motion where it is not known, for
+  /// example after a gap. Empty where the position of the last frame, seen from `reference`, is not
+  /// known.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 
   /// Whether `result` has so few of the last frame's inliers that the prediction is doubtful.

@@ -28,8 +28,8 @@ class ReferenceKeeper {
   /// null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
-  /// From the first frame of the unbroken sequence to the last frame; empty in fixed mode and where
-  /// the chain has just (re)started.
+  /// Homography from the first frame of the unbroken sequence to the last frame; empty in fixed
+  /// mode and where the chain has just (re)started.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 

@@ -12,7 +12,7 @@ namespace ktgp_orb::targets {
 namespace {
 
 constexpr int kSide = 8;         // px of a block
-constexpr int kMostBlocks = 16;  // along a side of the picture
+constexpr int kMostBlocks = 16;  // blocks along a side of the picture
 constexpr float kAlike = 0.7F;   // correlation
 constexpr int kDecoyReach = 2;   // blocks
 

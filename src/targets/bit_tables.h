@@ -46,7 +46,7 @@ class BitTables {
 
   struct Item {
     std::uint32_t number;
-    std::uint32_t some_bits;  // not part of the key; enough to see that most items differ
+    std::uint32_t some_bits;  // bits outside the key; they show that most items differ
   };
   struct Similar {
     std::uint32_t query;

@@ -139,7 +139,7 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// By the patches last aligned.
+/// Fits the homography to the patches last aligned.
 bool PictureAligner::refine(UncertainHomography& estimate) {
   constexpr double kMaxError = 3.0;  // px
   return refiner_.refine(reference_, target_, size_,

@@ -109,7 +109,7 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
   return accept(picture, map, pictures, found);
 }
 
-/// From the patches around the seed to the whole picture; for pictures that have few keypoints, or
+/// Grows from the patches around the seed to the whole picture, where there are few keypoints, or
 /// few that are found again in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,

@@ -44,8 +44,8 @@ class PictureSearch {
   /// explain. `pictures`: known, which chance has as many opportunities.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
-  /// For a picture that was seen in the last frame, without its keypoints: the images are compared
-  /// near the predicted place, then aligned. `prediction`: right within about `radius` px.
+  /// Follows a picture that was seen in the last frame, without its keypoints: the images are
+  /// compared near the predicted place, then aligned. `prediction`: right within about `radius` px.
   bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
               FoundTarget& found);
   /// Corrects the homography by the images.

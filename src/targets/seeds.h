@@ -26,8 +26,8 @@ struct Seed {
 /// Keeps its buffers.
 class Seeds {
  public:
-  /// From `begin` to `end`: pairs with the picture of `reference`. `frames`: the keypoints of the
-  /// frame. Those whose `taken` is not zero are left out; empty: none is.
+  /// Collects pairs with the picture of `reference` from `begin` to `end`. `frames`: the keypoints
+  /// of the frame. Those whose `taken` is not zero are left out; empty: none is.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);

@@ -186,7 +186,7 @@ OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) 
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
-  constexpr std::int32_t kFewestVotes = 5;  // one that shows the same has many more
+  constexpr std::int32_t kFewestVotes = 5;  // an image of the same picture has many more
   Features own;
   std::vector<FoundTarget> same;
   for (std::size_t i = 0; i < pictures.size(); ++i) {

@@ -25,7 +25,7 @@ struct Track {
 /// Gives each instance of a target a number that stays while the instance is followed.
 class Tracks {
  public:
-  /// From now on, px are those of frames made larger by `scale`.
+  /// Sets the unit: from now on px of frames made larger by `scale`.
   void setScale(double scale);
   /// Whether nothing is followed, or something whose longer side is below 1.5 `side`, px of the
   /// frame as it was given, or something was lost.

@@ -27,7 +27,7 @@ inline const cv::Point2f& imagePoint(const Features& features, std::int32_t inde
   return features.keypoints[static_cast<std::size_t>(index)].pt;
 }
 
-/// The same in Eigen's type.
+/// Position of keypoint `index` in Eigen's type, px.
 inline Eigen::Vector2d position(const Features& features, std::int32_t index) {
   const cv::Point2f& p = imagePoint(features, index);
   return {p.x, p.y};

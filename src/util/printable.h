@@ -8,7 +8,7 @@ namespace ktgp_orb::util {
 /// is not printable UTF-8 becomes \xNN, and only the first `most` bytes are kept.
 std::string printable(const std::string& text, std::size_t most = 200);
 
-/// The same in quotes.
+/// The printable text in quotes.
 std::string quoted(const std::string& text);
 
 }  // namespace ktgp_orb::util

@@ -12,7 +12,7 @@ namespace ktgp_orb::orb {
 /// OpenCV's INTER_LINEAR_EXACT: weights are multiples of 1/256.
 struct ResizeAxis {
   ResizeAxis() = default;
-  /// Both in px, 1 <= target <= source.
+  /// `source`, `target`: sizes in px, 1 <= target <= source.
   ResizeAxis(int source, int target);
 
   int source = 0;

@@ -13,7 +13,7 @@ namespace ktgp_orb::orb {
 /// The radii of the table's boxes are 1 to this value, in px of the patch.
 constexpr int kTeblidRadii = 7;
 
-/// To the nearest pixel, halves up: the authors' program truncates v + 0.5.
+/// Rounds to the nearest pixel, halves up: the authors' program truncates v + 0.5.
 constexpr float kTeblidHalf = 0.5f;
 
 /// TEBLID's bits ordered by the radius of their boxes, so that many consecutive boxes have the same

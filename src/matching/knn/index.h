@@ -42,7 +42,7 @@ class KnnIndex {
   /// `lanes` of the kernel.
   explicit KnnIndex(int lanes) : lanes_(lanes) {}
 
-  /// Not empty.
+  /// `reference`: descriptors, not empty.
   void setReference(const cv::Mat& reference);
 
   int candidates() const { return candidates_; }
