@@ -29,8 +29,8 @@
 #include "demo/flight.h"
 #include "demo/motion_score.h"
 #include "demo/table.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/overlay.h"
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
@@ -195,7 +195,7 @@ class Report {
     if (statistics.status == MatchStatus::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
       result.error =
-          evaluation::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
+          metrics::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
     }
     table_.add(statistics, result);

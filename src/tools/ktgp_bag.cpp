@@ -21,7 +21,7 @@
 #include "bag/video.h"
 #include "files/input.h"
 #include "files/output_file.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/status.h"
 #include "ros/camera.h"
 #include "ros/image_conversion.h"
@@ -182,7 +182,7 @@ class Run {
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
-                        evaluation::median(inliers_), evaluation::median(milliseconds_)) +
+                        metrics::median(inliers_), metrics::median(milliseconds_)) +
            others + '\n';
   }
 

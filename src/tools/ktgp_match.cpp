@@ -13,7 +13,7 @@
 #include "files/input.h"
 #include "files/output_file.h"
 #include "homography/transform.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "tools/matcher_cli.h"
@@ -71,8 +71,8 @@ struct Outcome {
   Frame target;
   MatchResult result;
   // Of the matches left after each of the four stages:
-  std::array<evaluation::ErrorSummary, 4> distances;  ///< of the descriptors
-  std::array<std::vector<double>, 4> errors;          ///< against the truth, px; empty without one
+  std::array<metrics::ErrorSummary, 4> distances;  ///< of the descriptors
+  std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without one
   std::optional<Eigen::Matrix3d> truth;
 };
 
@@ -129,10 +129,10 @@ Outcome run(Arguments& arguments) {
   std::vector<Correspondence> matches;
   for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
     outcome.result.surviving(static_cast<Level>(i), matches);
-    outcome.distances[i] = evaluation::descriptorDistance(matches);
+    outcome.distances[i] = metrics::descriptorDistance(matches);
     if (outcome.truth) {
-      outcome.errors[i] = evaluation::reprojectionErrors(*outcome.truth, outcome.reference.features,
-                                                         outcome.target.features, matches);
+      outcome.errors[i] = metrics::reprojectionErrors(*outcome.truth, outcome.reference.features,
+                                                      outcome.target.features, matches);
     }
   }
   return outcome;
@@ -157,12 +157,12 @@ void printStages(const Outcome& outcome) {
   for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
     const StageResult& s = outcome.result.stages[i];
     std::printf("%-7s %6zu  %6zu %5.1f%% %8.2f  %13.3f %6.3f", s.name, s.input, s.output,
-                100.0 * evaluation::retention(s.output, s.input), s.milliseconds,
+                100.0 * metrics::retention(s.output, s.input), s.milliseconds,
                 outcome.distances[i].mean, outcome.distances[i].rms);
     if (outcome.truth) {
-      const evaluation::ErrorSummary error = evaluation::summarize(outcome.errors[i]);
+      const metrics::ErrorSummary error = metrics::summarize(outcome.errors[i]);
       std::printf("  %10.1f%%  %7.2f px  %7.2f",
-                  100.0 * evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin),
+                  100.0 * metrics::precision(outcome.errors[i], metrics::kCorrectWithin),
                   error.mean, error.rms);
     }
     std::printf("\n");
@@ -266,8 +266,8 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   }
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",
-                evaluation::cornerError(result.answer.homography, *outcome.truth,
-                                        outcome.reference.image.size()));
+                metrics::cornerError(result.answer.homography, *outcome.truth,
+                                     outcome.reference.image.size()));
   }
 }
 
@@ -278,7 +278,7 @@ void print(const Outcome& outcome, const Arguments& arguments) {
   printHomography(outcome, arguments.pipeline);
 }
 
-json toJson(const evaluation::ErrorSummary& summary) {
+json toJson(const metrics::ErrorSummary& summary) {
   if (summary.count == 0) return {{"mean", nullptr}, {"rms", nullptr}};
   return {{"mean", summary.mean}, {"rms", summary.rms}};
 }
@@ -335,8 +335,8 @@ json toJson(const Outcome& outcome, const Arguments& arguments) {
     json stage = toJson(result.stages[i]);
     stage["descriptor_distance"] = toJson(outcome.distances[i]);
     if (!outcome.errors[i].empty()) {
-      stage["reprojection_error"] = toJson(evaluation::summarize(outcome.errors[i]));
-      stage["precision_3px"] = evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin);
+      stage["reprojection_error"] = toJson(metrics::summarize(outcome.errors[i]));
+      stage["precision_3px"] = metrics::precision(outcome.errors[i], metrics::kCorrectWithin);
     }
     out["stages"].push_back(std::move(stage));
   }
@@ -356,8 +356,8 @@ json toJson(const Outcome& outcome, const Arguments& arguments) {
   out["rmse"] = result.rmse;
   out["corner_deviation"] = cornerDeviation(outcome);
   if (outcome.truth) {
-    out["corner_error"] = evaluation::cornerError(result.answer.homography, *outcome.truth,
-                                                  outcome.reference.image.size());
+    out["corner_error"] = metrics::cornerError(result.answer.homography, *outcome.truth,
+                                               outcome.reference.image.size());
   }
   return out;
 }

@@ -397,7 +397,7 @@ Consistency measure(const Errors& errors, std::size_t points, double min_scale,
       of_noise.add(error, spreadBy(jacobian, found.covariance - found.shared_covariance));
     }
   }
-  return {all.median(), all.within(13.8), of_noise.within(13.8), evaluation::median(deviations)};
+  return {all.median(), all.within(13.8), of_noise.within(13.8), metrics::median(deviations)};
 }
 
 Eigen::Vector2d white(double sigma, Numbers& numbers) {

@@ -16,7 +16,7 @@
 namespace ktgp_orb {
 namespace {
 
-using evaluation::cornerError;
+using metrics::cornerError;
 using test::makePairs;
 using test::Numbers;
 using test::Order;

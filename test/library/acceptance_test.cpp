@@ -16,7 +16,7 @@
 #include "alignment_scene.h"
 #include "dense_gms.h"
 #include "frame_pair.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "orb_test_images.h"
 #include "plain_search.h"
 #include "test_data.h"
@@ -174,10 +174,10 @@ void expectAccurate(const std::vector<Pair>& pairs, double largest_allowed, doub
                 chain.back(), aligned.back(), opencv.back());
     EXPECT_LT(aligned.back(), largest_allowed) << pair.name;
   }
-  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", evaluation::median(chain),
-              evaluation::median(aligned), evaluation::median(opencv));
-  EXPECT_LT(evaluation::median(chain), evaluation::median(opencv));
-  EXPECT_LT(evaluation::median(aligned) * times_better, evaluation::median(opencv));
+  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", metrics::median(chain),
+              metrics::median(aligned), metrics::median(opencv));
+  EXPECT_LT(metrics::median(chain), metrics::median(opencv));
+  EXPECT_LT(metrics::median(aligned) * times_better, metrics::median(opencv));
 }
 
 /// Filters that let hundreds of wrong matches through must not lead to a homography.

@@ -16,7 +16,7 @@
 
 #include "alignment_scene.h"
 #include "frame_pair.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "one_answer.h"
 #include "orb_test_images.h"
 #include "plain_search.h"
@@ -227,7 +227,7 @@ Pair warpedPair(const Eigen::Matrix3d& truth) {
 }
 
 double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
-  return evaluation::cornerError(homography, pair.truth, pair.reference.image_size);
+  return metrics::cornerError(homography, pair.truth, pair.reference.image_size);
 }
 
 TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlone) {

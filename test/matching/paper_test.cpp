@@ -7,7 +7,7 @@
 #include <string>
 
 #include "frame_pair.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "test_data.h"
 
 namespace ktgp_orb {
@@ -93,8 +93,7 @@ class Paper : public ::testing::TestWithParam<PaperSet> {
 PaperDistance averageDistance(const std::vector<MatchResult>& results, Level level) {
   PaperDistance average{0.0, 0.0};
   for (const MatchResult& result : results) {
-    const evaluation::ErrorSummary pair =
-        evaluation::descriptorDistance(result.correspondences, level);
+    const metrics::ErrorSummary pair = metrics::descriptorDistance(result.correspondences, level);
     average.mean += pair.mean / static_cast<double>(results.size());
     average.rms += pair.rms / static_cast<double>(results.size());
   }

@@ -1,4 +1,4 @@
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 
 #include "synthetic_pairs.h"
 
-namespace ktgp_orb::evaluation {
+namespace ktgp_orb::metrics {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -322,4 +322,4 @@ TEST(Repeatability, OfNothingIsZero) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::evaluation
+}  // namespace ktgp_orb::metrics

@@ -408,7 +408,7 @@ ShutterErrors errorsOf(double readout_time, double noise,
     degrees.push_back(d.tail<3>().norm() * 180.0 / CV_PI);
     poses.add(d, found[0].covariance);
   }
-  return {evaluation::median(metres), evaluation::median(degrees), poses};
+  return {metrics::median(metres), metrics::median(degrees), poses};
 }
 
 TEST(PlanarPose, OfATargetThatPassesARollingShutterIsThatOfItsMiddleRow) {

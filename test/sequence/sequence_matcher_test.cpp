@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "homography/transform.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/metrics.h"
 #include "moving_view.h"
 #include "orb_test_images.h"
 #include "sequence/motion_predictor.h"
@@ -705,7 +705,7 @@ Eigen::Matrix3d between(int from, int to) {
 }
 
 void expectPath(const Eigen::Matrix3d& actual, const Eigen::Matrix3d& expected) {
-  EXPECT_LT(evaluation::cornerError(actual, expected, {640, 480}), 0.25e-6);
+  EXPECT_LT(metrics::cornerError(actual, expected, {640, 480}), 0.25e-6);
 }
 
 TEST(FramePath, IsTheProductOfItsSteps) {

@@ -12,12 +12,12 @@
 #include <random>
 #include <vector>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::test {
 
-using evaluation::cornerError;
+using metrics::cornerError;
 
 inline Eigen::Matrix3d translation(double x, double y) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
@@ -129,7 +129,7 @@ class Normalised {
   double mean() const {
     return std::accumulate(squares_.begin(), squares_.end(), 0.0) / static_cast<double>(count());
   }
-  double median() const { return evaluation::median(squares_); }
+  double median() const { return metrics::median(squares_); }
   /// Share below the bound.
   double within(double bound) const {
     const auto below = [&](double square) { return square < bound; };

@@ -59,8 +59,8 @@ inline void place(const cv::Mat& target, const Eigen::Matrix3d& homography, cv::
   cv::Mat source, ones(target.size(), CV_32F, cv::Scalar(1.0));
   target.convertTo(source, CV_32F);
   const Eigen::Matrix3d back = homography.inverse();
-  const cv::Mat view = tools::renderView(source, back, frame.size());
-  const cv::Mat share = tools::renderView(ones, back, frame.size());
+  const cv::Mat view = evaluation::renderView(source, back, frame.size());
+  const cv::Mat share = evaluation::renderView(ones, back, frame.size());
   frame = frame.mul(1.0 - share) + view;
 }
 

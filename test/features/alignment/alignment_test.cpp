@@ -16,7 +16,7 @@
 #include "features/alignment/spread.h"
 #include "homography/transform.h"
 #include "instruction_sets.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {
@@ -32,7 +32,7 @@ using test::turn;
 const cv::Size kSize(640, 480);
 
 double cornerError(const AlignmentResult& result, const Eigen::Matrix3d& truth) {
-  return evaluation::cornerError(result.answer.homography, truth, kSize);
+  return metrics::cornerError(result.answer.homography, truth, kSize);
 }
 
 AlignmentResult align(const AlignmentScene& scene, const Eigen::Matrix3d& start,

@@ -18,11 +18,11 @@
 #include "evaluation/truth_points.h"
 #include "files/input.h"
 #include "frame_pair.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "orb_test_images.h"
 #include "refusal.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -176,10 +176,10 @@ TEST_P(Estimators, FindTheHomographyAmongOutliers) {
     const PointPairs pairs = test::makePairs({200, 140, h}, numbers);
     const ProsacResult e = estimateHomography(GetParam(), pairs, {640, 480}, {});
     ASSERT_EQ(e.status, Status::ok);
-    EXPECT_LT(evaluation::cornerError(e.answer.homography, h, {640, 480}), 1.5) << seed;
+    EXPECT_LT(metrics::cornerError(e.answer.homography, h, {640, 480}), 1.5) << seed;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const double error =
-          (evaluation::project(e.answer.homography, pairs.reference[i]) - pairs.target[i]).norm();
+          (metrics::project(e.answer.homography, pairs.reference[i]) - pairs.target[i]).norm();
       ASSERT_EQ(e.mask[i] != 0, error < 3.0);
     }
   }
@@ -475,4 +475,4 @@ TEST(TruthPoints, AreWithinACovarianceThatIsAsLargeAsTheErrors) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -17,7 +17,7 @@
 #include "refusal.h"
 #include "test_data.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 TEST(TargetFrames, AreFoundAtAllSizesAndFollowed) {
@@ -155,4 +155,4 @@ TEST(TargetFrames, ALabelFileThatCannotBeUsedIsRefused) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

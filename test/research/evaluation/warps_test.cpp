@@ -21,10 +21,10 @@
 #include "evaluation/peers.h"
 #include "evaluation/rendering.h"
 #include "evaluation/warps.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "orb_test_images.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 using test::apply;
@@ -377,8 +377,8 @@ TEST(Peers, EachFindsASmallWarp) {
       std::vector<StepResult> steps;
       const Matching m = runMethod(method, {images.reference, images.target, none, none}, steps);
       ASSERT_TRUE(m.answer) << method.name << " " << i;
-      errors.push_back(evaluation::cornerError(m.answer->homography, warp.homography,
-                                               {kWarpWidth, kWarpHeight}));
+      errors.push_back(
+          metrics::cornerError(m.answer->homography, warp.homography, {kWarpWidth, kWarpHeight}));
       EXPECT_TRUE(method.name == "ECC" || m.matches.size() > 100) << method.name;
     }
     std::sort(errors.begin(), errors.end());
@@ -447,4 +447,4 @@ TEST(Accuracy, NoneFoundIsNotWrong) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

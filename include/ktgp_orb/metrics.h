@@ -9,7 +9,7 @@
 #include "ktgp_orb/features.h"
 
 /// Figures of merit of matches and homographies.
-namespace ktgp_orb::evaluation {
+namespace ktgp_orb::metrics {
 
 /// Largest error of a correct match, px.
 constexpr double kCorrectWithin = 3.0;
@@ -90,4 +90,4 @@ struct Repeatability {
 Repeatability detectorRepeatability(const Features& reference, const Features& target,
                                     const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
 
-}  // namespace ktgp_orb::evaluation
+}  // namespace ktgp_orb::metrics
