@@ -40,17 +40,13 @@ TEST(Parameters, EveryNodeletHasItsTableAndNothingIsTakenFromAnother) {
     std::set<std::string> names;
     for (const ParameterInfo& info : parametersOf(nodelet)) {
       EXPECT_TRUE(names.insert(info.name).second) << info.name;
-      EXPECT_EQ(whyRemoved(nodelet, info.name), "") << info.name << " is there";
       EXPECT_EQ(&parameterOf(nodelet, info.name), &info);
     }
     EXPECT_THROW(parameterOf(nodelet, "lazziness"), std::invalid_argument);
-    for (const auto& [name, reason] : removedParameters(nodelet)) EXPECT_NE(reason, "") << name;
   }
   EXPECT_EQ(parameterOf("targets", "search_ms").limits.text(), "[0, 1000]");
   EXPECT_THROW(parameterOf("mosaic", "strength"), std::invalid_argument);
   EXPECT_THROW(parametersOf("painter"), std::invalid_argument);
-  EXPECT_NE(whyRemoved("matcher", "gms_rows"), "");
-  EXPECT_EQ(whyRemoved("mosaic", "gms_rows"), "");
 }
 
 /// The paper's method is for neighbouring frames; a fixed reference is seen from anywhere.
