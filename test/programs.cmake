@@ -85,22 +85,18 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     "-mfma;-ffp-contract=fast" SKIP_PRECOMPILE_HEADERS ON)
 endif()
 
-set(files parameters/parameters_test.cpp)
+ktgp_orb_tests_below(files parameters)
 set(libraries ktgp_orb_parameters)
 if(TARGET ktgp_orb_cli)
-  list(APPEND files tools/presets_test.cpp)
+  ktgp_orb_tests_below(files parameters files tools)
   list(APPEND libraries ktgp_orb_cli)
 endif()
 ktgp_orb_test_program(tools_tests 600 ${files} LINK ${libraries})
 
 if(TARGET ktgp_orb_messages)
-  set(files nodelet/arrival_test.cpp ros/ground_readings_test.cpp ros/image_conversion_test.cpp)
-  set(libraries ktgp_orb_messages)
-  if(TARGET ktgp_orb_bag)
-    list(APPEND files bag/hostile_bag_test.cpp)
-    list(APPEND libraries ktgp_orb_bag)
-  endif()
-  ktgp_orb_test_program(ros_tests 1600 ${files} LINK ${libraries})
+  ktgp_orb_tests_below(files bag nodelet ros)
+  list(FILTER files EXCLUDE REGEX "/robot_")  # they load nodelets: see robot_tests.cmake
+  ktgp_orb_test_program(ros_tests 1600 ${files} LINK ktgp_orb_messages ktgp_orb_bag)
   # The test reads the names of all encodings from the header.
   find_path(sensor_msgs_headers sensor_msgs/image_encodings.h HINTS ${sensor_msgs_INCLUDE_DIRS}
     NO_CMAKE_FIND_ROOT_PATH)
