@@ -26,8 +26,8 @@
 
 #include "evaluation/warps.h"
 #include "homography/fit.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "support.h"
 
@@ -41,7 +41,7 @@ using ktgp_orb::bench::milliseconds;
 
 /// A pair of views with features, and its homography before any of the steps.
 struct Pair {
-  ktgp_orb::tools::WarpedImages images;
+  ktgp_orb::evaluation::WarpedImages images;
   Eigen::Matrix3d truth = Eigen::Matrix3d::Identity();
   Features reference, target;
   MatchResult match;
@@ -54,7 +54,8 @@ struct Pair {
         cv::imread(ktgp_orb::bench::oxfordImage(*folder, "leuven", 1), cv::IMREAD_GRAYSCALE);
     if (picture.empty()) return;
     const char* const names[] = {"small", "medium", "large"};
-    const auto warp = ktgp_orb::tools::drawWarp(*ktgp_orb::tools::warpLimits(names[size]), 3, 1);
+    const auto warp =
+        ktgp_orb::evaluation::drawWarp(*ktgp_orb::evaluation::warpLimits(names[size]), 3, 1);
     truth = warp.homography;
     images = renderWarp(picture, warp);
     ktgp_orb::OrbExtractor extractor;
@@ -79,7 +80,7 @@ struct Pair {
   }
 
   double error(const Eigen::Matrix3d& h) const {
-    return ktgp_orb::evaluation::cornerError(h, truth, reference.image_size);
+    return ktgp_orb::metrics::cornerError(h, truth, reference.image_size);
   }
 };
 
@@ -93,7 +94,7 @@ void run(benchmark::State& state, const Pair& pair, const Eigen::Matrix3d& homog
     points = call();
     times.push_back(milliseconds(true) - start);
   }
-  state.counters["ms"] = ktgp_orb::evaluation::median(times);
+  state.counters["ms"] = ktgp_orb::metrics::median(times);
   state.counters["error_px"] = pair.error(homography);
   state.counters["before_px"] = pair.error(pair.match.answer.homography);
   state.counters["points"] = static_cast<double>(points);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "support.h"
 
@@ -56,7 +56,7 @@ Features extract(const OrbOptions& options, const std::string& file) {
 double meanCornerError(const MatchResult& result, const Eigen::Matrix3d& truth,
                        const cv::Size& size) {
   if (result.status != ktgp_orb::Status::ok) return kWorstCornerError;
-  return ktgp_orb::evaluation::cornerError(result.answer.homography, truth, size);
+  return ktgp_orb::metrics::cornerError(result.answer.homography, truth, size);
 }
 
 Score scorePair(const Features& reference, const Features& target, const Eigen::Matrix3d& truth,
@@ -74,10 +74,10 @@ Score scorePair(const Features& reference, const Features& target, const Eigen::
     std::vector<Correspondence> matches;
     result.surviving(Level::ktg, matches);
     const std::vector<double> errors =
-        ktgp_orb::evaluation::reprojectionErrors(truth, reference, target, matches);
+        ktgp_orb::metrics::reprojectionErrors(truth, reference, target, matches);
     score.matches = static_cast<double>(matches.size());
     score.correct = static_cast<double>(
-        ktgp_orb::evaluation::countWithin(errors, ktgp_orb::evaluation::kCorrectWithin));
+        ktgp_orb::metrics::countWithin(errors, ktgp_orb::metrics::kCorrectWithin));
     score.precision = score.matches > 0 ? score.correct / score.matches : 0;
   }
   return score;

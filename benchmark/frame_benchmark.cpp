@@ -31,7 +31,7 @@
 
 #include "dense_gms.h"
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "support.h"
 
@@ -191,9 +191,9 @@ void frame(benchmark::State& state) {
     opencv_times.push_back(opencv.process(image, one_thread));
     state.ResumeTiming();
   }
-  const double time = ktgp_orb::evaluation::median(times);
+  const double time = ktgp_orb::metrics::median(times);
   state.counters["ms"] = time;
-  state.counters["times_OpenCV"] = ktgp_orb::evaluation::median(opencv_times) / time;
+  state.counters["times_OpenCV"] = ktgp_orb::metrics::median(opencv_times) / time;
   state.counters["KT"] = ours.surviving(Level::kt);
   state.counters["KTG"] = ours.surviving(Level::ktg);
   state.counters["KTGP"] = ours.surviving(Level::ktgp);
@@ -245,8 +245,8 @@ void preset(benchmark::State& state, const SequenceOptions& options) {
     ++i;
     state.ResumeTiming();
   }
-  state.counters["ms"] = ktgp_orb::evaluation::median(times);
-  state.counters["ktgp_ms"] = ktgp_orb::evaluation::median(ktgp_times);
+  state.counters["ms"] = ktgp_orb::metrics::median(times);
+  state.counters["ktgp_ms"] = ktgp_orb::metrics::median(ktgp_times);
   state.counters["matches"] = static_cast<double>(chain.matches());
 }
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/ratio_filter.h"
 #include "support.h"
@@ -64,7 +64,7 @@ bool isCorrect(const Pair& pair, const Correspondence& c) {
   const cv::Point2f& r = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
   const cv::Point2f& t = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
   const Eigen::Vector2d p = (pair.truth * Eigen::Vector3d(r.x, r.y, 1.0)).hnormalized();
-  return (p - Eigen::Vector2d(t.x, t.y)).norm() <= ktgp_orb::evaluation::kCorrectWithin;
+  return (p - Eigen::Vector2d(t.x, t.y)).norm() <= ktgp_orb::metrics::kCorrectWithin;
 }
 
 /// Matches left by the ratio filter at T_w (not applied if 0) and then GMS (not applied if null).

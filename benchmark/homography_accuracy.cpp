@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
 #include "support.h"
@@ -51,11 +51,11 @@ struct Named {
 };
 
 double cornerError(const Eigen::Matrix3d& estimate, const Pair& pair) {
-  return evaluation::cornerError(estimate, pair.truth, pair.size);
+  return metrics::cornerError(estimate, pair.truth, pair.size);
 }
 
 double percentUnderCurve(const std::vector<double>& errors, double limit) {
-  return 100.0 * evaluation::areaUnderCurve(errors, limit);
+  return 100.0 * metrics::areaUnderCurve(errors, limit);
 }
 
 std::vector<std::size_t> shuffled(std::size_t n, int run) {
@@ -268,7 +268,7 @@ void printWarped(const std::string& folder, const Filters& filters, int homograp
       return errors[static_cast<std::size_t>(q * static_cast<double>(errors.size()))];
     };
     std::printf("| %s | %.4f | %.3f | %.3g | %.1f | %.1f |\n", estimator.name.c_str(),
-                evaluation::median(errors), quantile(0.75), quantile(0.9),
+                metrics::median(errors), quantile(0.75), quantile(0.9),
                 percentUnderCurve(errors, 1.0), percentUnderCurve(errors, 3.0));
   }
 }

@@ -26,7 +26,7 @@
 
 #include "files/input.h"
 #include "instruction_sets.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "matching/knn/near_search.h"
 #include "matching/knn/search.h"
 #include "support.h"
@@ -113,10 +113,10 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
     match(reference, target);
     times.push_back(milliseconds(one_thread) - start);
   }
-  const double time = ktgp_orb::evaluation::median(times);
+  const double time = ktgp_orb::metrics::median(times);
   state.counters["ns_per_pair"] = time * 1e6 / n / n;
   if (!brute_force_times.empty())
-    state.counters["times_BFMatcher"] = ktgp_orb::evaluation::median(brute_force_times) / time;
+    state.counters["times_BFMatcher"] = ktgp_orb::metrics::median(brute_force_times) / time;
   state.SetLabel(frames.source);
 }
 
@@ -143,9 +143,9 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
     search.match(reference, target, true, result);
     times.push_back(milliseconds(one_thread) - start);
   }
-  const double time = ktgp_orb::evaluation::median(times);
+  const double time = ktgp_orb::metrics::median(times);
   state.counters["ns_per_pair"] = time * 1e6 / n / n;
-  state.counters["times_one_way"] = time / ktgp_orb::evaluation::median(one_way_times);
+  state.counters["times_one_way"] = time / ktgp_orb::metrics::median(one_way_times);
   state.SetLabel(frames.source);
 }
 
@@ -191,9 +191,9 @@ void runNear(benchmark::State& state, const Frames& frames, const KnnKernel& ker
     near.match(reference, target, here, false, result);
     times.push_back(milliseconds(true) - start);
   }
-  const double time = ktgp_orb::evaluation::median(times);
+  const double time = ktgp_orb::metrics::median(times);
   state.counters["ms"] = time;
-  state.counters["times_whole"] = ktgp_orb::evaluation::median(whole_times) / time;
+  state.counters["times_whole"] = ktgp_orb::metrics::median(whole_times) / time;
   state.SetLabel(frames.source);
 }
 

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "support.h"
 
@@ -94,9 +94,9 @@ void extract(benchmark::State& state, KeypointDistribution distribution) {
     if (opencv_times.size() < 101) opencv_times.push_back(opencv.timed(image, one_thread));
     state.ResumeTiming();
   }
-  const double time = ktgp_orb::evaluation::median(times);
+  const double time = ktgp_orb::metrics::median(times);
   state.counters["ms"] = time;
-  state.counters["times_cvORB"] = ktgp_orb::evaluation::median(opencv_times) / time;
+  state.counters["times_cvORB"] = ktgp_orb::metrics::median(opencv_times) / time;
   state.counters["keypoints"] = static_cast<double>(features.size());
 }
 
@@ -136,9 +136,9 @@ void teblid(benchmark::State& state) {
     orb_times.push_back(timed(orb));
     state.ResumeTiming();
   }
-  state.counters["ms"] = ktgp_orb::evaluation::median(times);
+  state.counters["ms"] = ktgp_orb::metrics::median(times);
   state.counters["more_ms"] =
-      ktgp_orb::evaluation::median(times) - ktgp_orb::evaluation::median(orb_times);
+      ktgp_orb::metrics::median(times) - ktgp_orb::metrics::median(orb_times);
   state.counters["keypoints"] = static_cast<double>(features.size());
 }
 

@@ -21,7 +21,7 @@
 
 #include "features/alignment/local_maps.h"
 #include "features/alignment/patch_aligner.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/two_view.h"
 #include "support.h"
 #include "synthetic_pairs.h"
@@ -95,8 +95,8 @@ void run(benchmark::State& state, Call call) {
       errors.push_back(ok ? turnError(rotation, scene.rotation) : 180.0);
     }
   }
-  state.counters["ms"] = ktgp_orb::evaluation::median(times);
-  state.counters["turn_deg"] = ktgp_orb::evaluation::median(errors);
+  state.counters["ms"] = ktgp_orb::metrics::median(times);
+  state.counters["turn_deg"] = ktgp_orb::metrics::median(errors);
   state.counters["found"] = found / static_cast<double>(times.size());
 }
 
@@ -166,7 +166,7 @@ void alignMatches(benchmark::State& state) {
     }
     times.push_back(milliseconds(true) - start);
   }
-  state.counters["ms"] = ktgp_orb::evaluation::median(times);
+  state.counters["ms"] = ktgp_orb::metrics::median(times);
   state.counters["aligned"] = aligned;
 }
 

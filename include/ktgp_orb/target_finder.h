@@ -76,8 +76,8 @@ struct DetectedTarget {
   /// How its picture looks like itself in another pose, such as "turned by 180 degrees": then this
   /// pose is one of several. Empty: it does not.
   std::string ambiguity;
-  /// The outer corners of the first and last pixels' centres in the frame: upper left, upper right,
-  /// lower right, lower left of the target's image; px.
+  /// The centres of the four corner pixels of the target's image in the frame: upper left, upper
+  /// right, lower right, lower left; px.
   std::array<Eigen::Vector2d, 4> corners;
   std::array<Eigen::Matrix<double, 2, 2, Eigen::DontAlign>, 4> corner_covariances;  ///< px²
   /// Image of the target -> frame, px, with its covariance (see UncertainHomography).

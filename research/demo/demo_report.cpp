@@ -34,7 +34,7 @@
 #include "demo/motion_score.h"
 #include "demo/stages.h"
 #include "demo/table.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
 
@@ -188,7 +188,7 @@ class Report {
     if (statistics.status == MatchStatus::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
       result.error =
-          evaluation::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
+          metrics::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
     }
     results_[stamp] = result;
@@ -298,11 +298,11 @@ void scoreStillCamera(const std::string& csv) {
   const auto homographies = readHomographies(csv);
   std::vector<double> errors;
   for (const auto& [stamp, h] : homographies) {
-    errors.push_back(evaluation::cornerError(h, Eigen::Matrix3d::Identity(), kStillSize));
+    errors.push_back(metrics::cornerError(h, Eigen::Matrix3d::Identity(), kStillSize));
   }
   std::printf(
       "real     %zu homographies of a camera that stands still; corner error, median %.3f px\n",
-      errors.size(), evaluation::median(errors));
+      errors.size(), metrics::median(errors));
 }
 
 }  // namespace

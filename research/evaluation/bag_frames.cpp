@@ -9,7 +9,7 @@
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 /// The true homographies by the stamp of their target image.
@@ -52,4 +52,4 @@ std::string readBag(const std::string& file, const std::string& topic,
   }
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

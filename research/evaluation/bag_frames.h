@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Called for every image of a bag: its stamp in s, the image as 8-bit grey and, if the bag has it,
 /// the true homography from the previous image.
@@ -20,4 +20,4 @@ using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
 std::string readBag(const std::string& file, const std::string& topic,
                     const std::string& truth_topic, const FrameVisitor& visit);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

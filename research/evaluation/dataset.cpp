@@ -11,7 +11,7 @@
 #include "evaluation/truth_points.h"
 #include "files/input.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 namespace fs = std::filesystem;
@@ -256,4 +256,4 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
   }
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -8,7 +8,7 @@
 
 #include "evaluation/warps.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// A point of the reference and its position in the target, px.
 struct AnnotatedPoint {
@@ -54,4 +54,4 @@ void addPairs(const std::string& path, Dataset& dataset);
 void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
               std::uint64_t seed, Dataset& dataset);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -10,13 +10,13 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "util/constants.h"
 
 // OpenCV 4.5.1's MAGSAC++ crashes on few or coincident points; 4.6's does not.
 #define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr std::size_t kSampleSize = 4;
@@ -33,7 +33,7 @@ std::vector<cv::Point2f> toOpenCv(const std::vector<Eigen::Vector2d>& points) {
 std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pairs) {
   std::vector<double> errors(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double e = (evaluation::project(h, pairs.reference[i]) - pairs.target[i]).norm();
+    const double e = (metrics::project(h, pairs.reference[i]) - pairs.target[i]).norm();
     errors[i] = std::isfinite(e) ? e * e : std::numeric_limits<double>::max();
   }
   return errors;
@@ -211,4 +211,4 @@ ProsacResult estimateHomography(const std::string& estimator, const PointPairs& 
   return conclude({}, pairs, options.max_error);
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -6,7 +6,7 @@
 
 #include "ktgp_orb/prosac_homography.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Names of the estimators of this build, of the homography that most pairs agree with:
 ///   ransac   Fischler & Bolles 1981, OpenCV's
@@ -22,4 +22,4 @@ std::vector<std::string> estimators();
 ProsacResult estimateHomography(const std::string& estimator, const PointPairs& pairs,
                                 const cv::Size& reference_size, const ProsacOptions& options);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

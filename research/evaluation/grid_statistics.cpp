@@ -6,7 +6,7 @@
 
 #include "util/keypoint_position.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr int kNoCell = -1;
@@ -137,4 +137,4 @@ void filterByGridStatistics(const Features& reference, const Features& target,
                 matches.end());
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

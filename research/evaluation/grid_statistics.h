@@ -7,7 +7,7 @@
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/gms_filter.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Cells around a cell, including it, as (column, row) offsets.
 using Neighbourhood = std::vector<cv::Point>;
@@ -24,4 +24,4 @@ void filterByGridStatistics(const Features& reference, const Features& target,
                             const Neighbourhood& neighbourhood, const GmsOptions& options,
                             std::vector<Correspondence>& matches);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -6,7 +6,7 @@
 #include "evaluation/peers.h"
 #include "util/format.h"
 
-namespace ktgp_orb::tools::hpatches {
+namespace ktgp_orb::evaluation::hpatches {
 namespace {
 
 constexpr std::array<const char*, 8> kLarge{"i_contruction", "i_crownnight",    "i_dc",
@@ -78,4 +78,4 @@ std::string toTable(const std::vector<SetSummary>& summaries) {
   return out;
 }
 
-}  // namespace ktgp_orb::tools::hpatches
+}  // namespace ktgp_orb::evaluation::hpatches

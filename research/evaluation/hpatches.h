@@ -10,7 +10,7 @@
 /// The evaluation of homographies on HPatches (Balntas et al., CVPR 2017) as the papers on
 /// SuperGlue (CVPR 2020) and LightGlue (ICCV 2023) do it: image 1 against 2 to 6 of each sequence,
 /// the shorter side resized to 480 px, AUC of the mean corner error at 1, 3 and 5 px.
-namespace ktgp_orb::tools::hpatches {
+namespace ktgp_orb::evaluation::hpatches {
 
 constexpr int kShortestSide = 480;  ///< px
 
@@ -26,4 +26,4 @@ Method siftWithOurEstimator(const PipelineOptions& options);
 /// The measured AUC over all pairs, then published ones, marked as quoted.
 std::string toTable(const std::vector<SetSummary>& summaries);
 
-}  // namespace ktgp_orb::tools::hpatches
+}  // namespace ktgp_orb::evaluation::hpatches

@@ -12,11 +12,11 @@
 #include "evaluation/two_view_evaluation.h"
 #include "files/input.h"
 #include "files/output_file.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr const char* kDescription =
@@ -131,7 +131,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
                                      const std::vector<ImagePair>& pairs) {
   std::vector<PairScore> scores(pairs.size());
   std::atomic<std::size_t> next{0};
-  ProgressBar progress(pairs.size());
+  tools::ProgressBar progress(pairs.size());
   const auto work = [&] {
     PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat,
                             arguments.size, arguments.truth_deviation);
@@ -214,8 +214,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->capture_default_str()
       ->group(warps);
   app.add_option("--bag", arguments.bag)->group("");  // hidden; has a program of its own
-  addCommonOptions(app, arguments.force);
-  addPipelineOptions(app, arguments.pipeline);
+  tools::addCommonOptions(app, arguments.force);
+  tools::addPipelineOptions(app, arguments.pipeline);
 }
 
 Dataset findPairs(const Arguments& arguments) {
@@ -265,21 +265,21 @@ int evaluateImageSets(files::OutputPlan& plan, const Arguments& arguments) {
   files::Outputs outputs(arguments.force);
   if (!arguments.json.empty()) {
     nlohmann::json out = toJson(scores);
-    out["options"] = toJson(arguments.pipeline);
+    out["options"] = tools::toJson(arguments.pipeline);
     out["problems"] = dataset.problems;
     if (!arguments.warps.empty()) {
       out["warps"] = {{"kinds", arguments.warps},
                       {"pairs", arguments.warp_pairs},
                       {"seed", arguments.warp_seed}};
     }
-    outputs.writeText(arguments.json, textOf(out, 1));
+    outputs.writeText(arguments.json, tools::textOf(out, 1));
   }
   if (!arguments.csv.empty()) outputs.writeText(arguments.csv, toCsv(scores));
   outputs.commit();
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }
-  return dataset.problems.empty() ? kExitDone : kExitUnusedData;
+  return dataset.problems.empty() ? tools::kExitDone : tools::kExitUnusedData;
 }
 
 int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
@@ -299,7 +299,7 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
     }
   }
   checkFiles(plan, read, arguments);
-  ProgressBar progress(pairs.size());
+  tools::ProgressBar progress(pairs.size());
   for (const auto& pair : pairs) {
     try {
       scores.push_back(evaluator.evaluate(pair));
@@ -319,7 +319,7 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
   for (const std::string& problem : problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }
-  return problems.empty() ? kExitDone : kExitUnusedData;
+  return problems.empty() ? tools::kExitDone : tools::kExitUnusedData;
 }
 
 int evaluate(int argc, char** argv) {
@@ -327,7 +327,7 @@ int evaluate(int argc, char** argv) {
   CLI::App app(kDescription);
   app.footer(kExamples);
   addArguments(app, arguments);
-  if (const auto code = parse(app, argc, argv)) return *code;
+  if (const auto code = tools::parse(app, argc, argv)) return *code;
   if (arguments.hpatches) {
     arguments.size.shortest_side = hpatches::kShortestSide;
     if (app.get_option("--methods")->count() == 0) arguments.methods = hpatches::methodNames();
@@ -345,16 +345,16 @@ int evaluate(int argc, char** argv) {
                                 arguments.bag);
   }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
-  files::OutputPlan plan = planOutputs(app, arguments.force);
-  exitWhenInterrupted();
+  files::OutputPlan plan = tools::planOutputs(app, arguments.force);
+  tools::exitWhenInterrupted();
   return arguments.two_view ? evaluateTwoViews(plan, arguments)
                             : evaluateImageSets(plan, arguments);
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation
 
 int main(int argc, char** argv) {
   return ktgp_orb::tools::runProgram("ktgp_evaluate",
-                                     [&] { return ktgp_orb::tools::evaluate(argc, argv); });
+                                     [&] { return ktgp_orb::evaluation::evaluate(argc, argv); });
 }

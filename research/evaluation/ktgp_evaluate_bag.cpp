@@ -6,11 +6,11 @@
 #include "evaluation/bag_frames.h"
 #include "evaluation/sequence_evaluation.h"
 #include "files/output_file.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr const char* kDescription =
@@ -51,20 +51,20 @@ void printSequence(const SequenceScore& score) {
   std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%, mean inliers %.1f\n",
               score.frames.size(), found, 100.0 * ratio / pairs, inliers / pairs);
   std::printf("median %.2f ms a frame; searched near the prediction: %zu, and fell back: %zu\n",
-              evaluation::median(milliseconds), near, fell_back);
+              metrics::median(milliseconds), near, fell_back);
   for (std::size_t k : {2, 5, 10, 30}) {
     if (k > score.survival.size()) break;
     std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);
   }
   if (errors.empty()) return;
   std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
-              evaluation::summarize(errors).mean, evaluation::summarize(drift).mean);
+              metrics::summarize(errors).mean, metrics::summarize(drift).mean);
 }
 
 int evaluateBag(const Arguments& arguments) {
   SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
                               arguments.drift_window);
-  ProgressBar progress(0);
+  tools::ProgressBar progress(0);
   const std::string damage =
       readBag(arguments.bag, arguments.topic, arguments.truth_topic,
               [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
@@ -78,12 +78,12 @@ int evaluateBag(const Arguments& arguments) {
                              {"bag", arguments.bag},
                              {"topic", arguments.topic},
                              {"drift_window", arguments.drift_window},
-                             {"options", toJson(arguments.pipeline)}};
-    files::writeText(arguments.json, textOf(out, 1), arguments.force);
+                             {"options", tools::toJson(arguments.pipeline)}};
+    files::writeText(arguments.json, tools::textOf(out, 1), arguments.force);
   }
-  if (damage.empty()) return kExitDone;
+  if (damage.empty()) return tools::kExitDone;
   std::fprintf(stderr, "ktgp_evaluate_bag: %s: %s\n", arguments.bag.c_str(), damage.c_str());
-  return kExitUnusedData;
+  return tools::kExitUnusedData;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
@@ -98,26 +98,26 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->capture_default_str();
   app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")
       ->type_name("FILE");
-  addCommonOptions(app, arguments.force);
-  addPipelineOptions(app, arguments.pipeline);
+  tools::addCommonOptions(app, arguments.force);
+  tools::addPipelineOptions(app, arguments.pipeline);
 }
 
 int run(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(kDescription);
-  app.footer(kExitCodes);
+  app.footer(tools::kExitCodes);
   addArguments(app, arguments);
-  if (const auto code = parse(app, argc, argv)) return *code;
-  planOutputs(app, arguments.force).write(arguments.json);
-  exitWhenInterrupted();
+  if (const auto code = tools::parse(app, argc, argv)) return *code;
+  tools::planOutputs(app, arguments.force).write(arguments.json);
+  tools::exitWhenInterrupted();
   cv::setNumThreads(1);
   return evaluateBag(arguments);
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation
 
 int main(int argc, char** argv) {
   return ktgp_orb::tools::runProgram("ktgp_evaluate_bag",
-                                     [&] { return ktgp_orb::tools::run(argc, argv); });
+                                     [&] { return ktgp_orb::evaluation::run(argc, argv); });
 }

@@ -9,7 +9,7 @@
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 int evaluateTargets(int argc, char** argv) {
@@ -23,21 +23,21 @@ int evaluateTargets(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--features", options.orb.max_features, "most keypoints of an image")
       ->capture_default_str();
-  if (const auto code = parse(app, argc, argv)) return *code;
+  if (const auto code = tools::parse(app, argc, argv)) return *code;
   cv::setNumThreads(1);
-  exitWhenInterrupted();
+  tools::exitWhenInterrupted();
   const LabelledTargets searched = searchLabelled(folder, options);
   std::fputs(toTable(searched).c_str(), stdout);
   for (const std::string& problem : searched.problems) {
     std::fprintf(stderr, "ktgp_evaluate_targets: %s\n", problem.c_str());
   }
-  return searched.problems.empty() ? kExitDone : kExitUnusedData;
+  return searched.problems.empty() ? tools::kExitDone : tools::kExitUnusedData;
 }
 
 }  // namespace
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation
 
 int main(int argc, char** argv) {
-  return ktgp_orb::tools::runProgram("ktgp_evaluate_targets",
-                                     [&] { return ktgp_orb::tools::evaluateTargets(argc, argv); });
+  return ktgp_orb::tools::runProgram(
+      "ktgp_evaluate_targets", [&] { return ktgp_orb::evaluation::evaluateTargets(argc, argv); });
 }

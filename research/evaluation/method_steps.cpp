@@ -5,11 +5,11 @@
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/ratio_filter.h"
 #include "util/keypoint_position.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 using util::position;
@@ -126,7 +126,7 @@ Step euclideanDistance() {
               distances.push_back(
                   cv::norm(referenceDescriptor(scene, c), targetDescriptor(scene, c), cv::NORM_L2));
             }
-            const evaluation::ErrorSummary s = evaluation::summarize(distances);
+            const metrics::ErrorSummary s = metrics::summarize(distances);
             const double most = s.mean + std::sqrt(std::max(0.0, s.rms * s.rms - s.mean * s.mean));
             std::size_t i = 0;
             const auto too_far = [&](const Correspondence&) { return distances[i++] > most; };
@@ -249,4 +249,4 @@ Step simulate(const OrbOptions& orb, int views) {
           }};
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -13,7 +13,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// The input of a method.
 struct Scene {
@@ -93,4 +93,4 @@ Step matcher(const MatcherOptions& options);
 /// Simulated views of the reference for the growth, extracted with the options `orb`.
 Step simulate(const OrbOptions& orb, int views);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

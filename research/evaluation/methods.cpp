@@ -4,7 +4,7 @@
 
 #include "util/milliseconds.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 /// The preset with the threads, budget, seed and alignment of `options`.
@@ -131,4 +131,4 @@ Matching runMethod(const Method& method, const Scene& scene, std::vector<StepRes
   return matching;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -6,7 +6,7 @@
 #include "evaluation/method_steps.h"
 #include "parameters/options.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// A named sequence of steps.
 struct Method {
@@ -31,4 +31,4 @@ struct StepResult {
 /// Runs the method's steps one after the other.
 Matching runMethod(const Method& method, const Scene& scene, std::vector<StepResult>& steps);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -6,21 +6,21 @@
 #include <sstream>
 
 #include "files/csv.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "util/format.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 using nlohmann::json;
 using util::format;
 
 /// Means over the pairs that have the value.
-evaluation::ErrorSummary averageOf(const std::vector<const MethodScore*>& scores,
-                                   evaluation::ErrorSummary MethodScore::*value) {
-  evaluation::ErrorSummary average;
+metrics::ErrorSummary averageOf(const std::vector<const MethodScore*>& scores,
+                                metrics::ErrorSummary MethodScore::*value) {
+  metrics::ErrorSummary average;
   for (const MethodScore* m : scores) {
-    const evaluation::ErrorSummary& summary = m->*value;
+    const metrics::ErrorSummary& summary = m->*value;
     if (summary.count == 0) continue;
     average.mean += summary.mean;
     average.rms += summary.rms;
@@ -54,19 +54,19 @@ std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodS
   if (errors.empty()) return std::nullopt;
   AccuracySummary s;
   for (std::size_t i = 0; i < kAucThresholds.size(); ++i) {
-    s.auc[i] = evaluation::areaUnderCurve(errors, kAucThresholds[i]);
+    s.auc[i] = metrics::areaUnderCurve(errors, kAucThresholds[i]);
   }
-  s.median_corner_error = evaluation::median(errors);
+  s.median_corner_error = metrics::median(errors);
   s.found = found / static_cast<double>(errors.size());
   s.wrong = found > 0.0 ? wrong / found : 0.0;
   if (!ratios.empty()) {
-    s.consistency_ratio = evaluation::median(ratios);
-    s.consistency_median = evaluation::median(normalised);
+    s.consistency_ratio = metrics::median(ratios);
+    s.consistency_median = metrics::median(normalised);
     const auto below = [](double value) { return value < kConsistentBelow; };
     s.consistent = static_cast<double>(std::count_if(normalised.begin(), normalised.end(), below)) /
                    static_cast<double>(normalised.size());
   }
-  if (!correlations.empty()) s.zncc = evaluation::summarize(correlations).mean;
+  if (!correlations.empty()) s.zncc = metrics::summarize(correlations).mean;
   return s;
 }
 
@@ -105,7 +105,7 @@ std::string px(double threshold) {
   return out.str();
 }
 
-void put(json& out, const std::string& key, const evaluation::ErrorSummary& summary) {
+void put(json& out, const std::string& key, const metrics::ErrorSummary& summary) {
   out[key + "_mean"] = summary.count > 0 ? json(summary.mean) : json(nullptr);
   out[key + "_rms"] = summary.count > 0 ? json(summary.rms) : json(nullptr);
 }
@@ -128,7 +128,7 @@ void put(json& out, const std::optional<CornerConsistency>& consistency) {
   const auto& corners = consistency->normalised;
   out["predicted_corner_error"] = consistency->predicted;
   out["corner_error_ratio"] = consistency->ratio;
-  out["corner_normalised_median"] = evaluation::median({corners.begin(), corners.end()});
+  out["corner_normalised_median"] = metrics::median({corners.begin(), corners.end()});
   out["corners_consistent"] =
       std::count_if(corners.begin(), corners.end(), [](double x) { return x < kConsistentBelow; });
 }
@@ -350,4 +350,4 @@ std::string toTable(const std::vector<SetSummary>& summaries) {
   return out;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

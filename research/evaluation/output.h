@@ -6,7 +6,7 @@
 
 #include "evaluation/pair_evaluation.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Quality of the homographies of one method over the pairs of one set.
 struct AccuracySummary {
@@ -36,9 +36,9 @@ struct SetSummary {
   double milliseconds = 0.0;
   std::array<double, kPrecisionThresholds.size()> precision{};
   // Means of the pairs' means and RMS, as in the paper; pairs without a match do not count.
-  evaluation::ErrorSummary descriptor_distance;
-  evaluation::ErrorSummary displacement;
-  evaluation::ErrorSummary reprojection_error;
+  metrics::ErrorSummary descriptor_distance;
+  metrics::ErrorSummary displacement;
+  metrics::ErrorSummary reprojection_error;
   double total_milliseconds = 0.0;          ///< from the images to the result
   std::optional<AccuracySummary> accuracy;  ///< only if the method estimates a homography
 };
@@ -55,4 +55,4 @@ std::string toCsv(const std::vector<PairScore>& scores);
 /// For the terminal.
 std::string toTable(const std::vector<SetSummary>& summaries);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -5,7 +5,7 @@
 
 #include "evaluation/rendering.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 std::optional<double> overlapCorrelation(const cv::Mat& reference, const cv::Mat& target,
                                          const Eigen::Matrix3d& homography) {
@@ -39,4 +39,4 @@ std::optional<double> overlapCorrelation(const cv::Mat& reference, const cv::Mat
   return (a * b).sum() / std::sqrt(a.square().sum() * b.square().sum());
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Similarity of two images where `homography` (reference to target) overlaps them; needs no ground
 /// truth. Zero-mean normalised cross-correlation, from -1 to 1, of the reference's pixels and the
@@ -14,4 +14,4 @@ namespace ktgp_orb::tools {
 std::optional<double> overlapCorrelation(const cv::Mat& reference, const cv::Mat& target,
                                          const Eigen::Matrix3d& homography);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

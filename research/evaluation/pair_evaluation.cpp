@@ -14,7 +14,7 @@
 #include "homography/transform.h"
 #include "util/milliseconds.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 /// The median of each step's times.
@@ -24,7 +24,7 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
     std::vector<double> times;
     times.reserve(runs.size());
     for (const auto& run : runs) times.push_back(run[i].milliseconds);
-    steps[i].milliseconds = evaluation::median(times);
+    steps[i].milliseconds = metrics::median(times);
   }
   return steps;
 }
@@ -35,17 +35,16 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   const Features& target = found.own ? found.own->target : scene.target;
   const std::vector<Correspondence>& matches = found.matches;
   score.matches = matches.size();
-  score.retention = evaluation::retention(matches.size(), target.size());
-  score.matched_share = evaluation::matchedShare(matches.size(), reference, target);
-  if (!found.own) score.descriptor_distance = evaluation::descriptorDistance(matches);
-  score.displacement = evaluation::displacement(reference, target, matches);
-  const std::vector<double> errors =
-      evaluation::reprojectionErrors(truth, reference, target, matches);
-  score.reprojection_error = evaluation::summarize(errors);
+  score.retention = metrics::retention(matches.size(), target.size());
+  score.matched_share = metrics::matchedShare(matches.size(), reference, target);
+  if (!found.own) score.descriptor_distance = metrics::descriptorDistance(matches);
+  score.displacement = metrics::displacement(reference, target, matches);
+  const std::vector<double> errors = metrics::reprojectionErrors(truth, reference, target, matches);
+  score.reprojection_error = metrics::summarize(errors);
   for (std::size_t i = 0; i < kPrecisionThresholds.size(); ++i) {
-    score.precision[i] = evaluation::precision(errors, kPrecisionThresholds[i]);
+    score.precision[i] = metrics::precision(errors, kPrecisionThresholds[i]);
   }
-  score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
+  score.correct = metrics::countWithin(errors, metrics::kCorrectWithin);
 }
 
 double scaleOf(const EvaluatedSize& size, const cv::Mat& image) {
@@ -107,7 +106,7 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
   score.found = found.answer.has_value();
   const UncertainHomography estimate = found.answer.value_or(UncertainHomography());
   score.corner_error =
-      evaluation::cornerError(estimate.homography, truth, scene.reference_image.size());
+      metrics::cornerError(estimate.homography, truth, scene.reference_image.size());
   if (!score.found) return;
   if (!points.empty()) score.corner_error = meanTransferError(estimate.homography, points);
   if (estimate.covariance.allFinite()) {
@@ -158,8 +157,7 @@ void PairEvaluator::evaluateImages(const cv::Mat& reference_image, const cv::Mat
   score.reference_keypoints = reference_.size();
   score.target_keypoints = target_.size();
   const Eigen::Matrix3d& truth = score.pair.homography;
-  score.detector_repeatability =
-      evaluation::detectorRepeatability(reference_, target_, truth).score();
+  score.detector_repeatability = metrics::detectorRepeatability(reference_, target_, truth).score();
   const Scene scene{reference_image, target_image, reference_, target_};
   for (const Method& method : methods_) {
     score.methods.push_back(
@@ -176,7 +174,7 @@ double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& tar
     extractor_.extract(target_image, target_);
     times.push_back(util::millisecondsSince(start));
   }
-  return evaluation::median(times);
+  return metrics::median(times);
 }
 
 MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& scene,
@@ -203,4 +201,4 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
   return score;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

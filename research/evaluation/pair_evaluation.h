@@ -7,10 +7,10 @@
 
 #include "evaluation/dataset.h"
 #include "evaluation/methods.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 constexpr std::array<double, 3> kPrecisionThresholds{1.0, 2.0, 3.0};
 constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
@@ -33,11 +33,11 @@ struct MethodScore {
   std::size_t matches = 0;     ///< NM
   double retention = 0.0;      ///< matches over target keypoints; the paper's Q for the method KT
   double matched_share = 0.0;  ///< REP as Eq. 9 has it
-  evaluation::ErrorSummary descriptor_distance;
-  evaluation::ErrorSummary displacement;        ///< px
-  evaluation::ErrorSummary reprojection_error;  ///< px, against the truth
+  metrics::ErrorSummary descriptor_distance;
+  metrics::ErrorSummary displacement;        ///< px
+  metrics::ErrorSummary reprojection_error;  ///< px, against the truth
   std::array<double, kPrecisionThresholds.size()> precision{};
-  std::size_t correct = 0;  ///< matches within evaluation::kCorrectWithin
+  std::size_t correct = 0;  ///< matches within metrics::kCorrectWithin
   /// Mean over the corners, or over the annotated points, px; infinite if the method found no
   /// homography; empty if it estimates none.
   std::optional<double> corner_error;
@@ -100,4 +100,4 @@ class PairEvaluator {
   Features target_;
 };
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -11,7 +11,7 @@
 // In features2d since 4.4; before, in a module that distributions do not ship.
 #define KTGP_ORB_HAVE_SIFT (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 3))
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 using Detector = cv::Ptr<cv::Feature2D>;
@@ -147,4 +147,4 @@ std::vector<Method> peerMethods(const ProsacOptions& options, const std::string&
   return methods;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 /// Samples along each side of a pixel of the view: enough to hit every pixel of the source where
@@ -71,4 +71,4 @@ cv::Mat renderView(const cv::Mat& source, const Eigen::Matrix3d& source_from_vie
   return view;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

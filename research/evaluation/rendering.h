@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Value of a CV_32F image at (x, y) px, interpolated between the four nearest pixels in full
 /// precision (cv::remap and cv::warpPerspective round positions to 1/32 px). Requires 0 <= x <=
@@ -20,4 +20,4 @@ bool isInside(const cv::Size& size, double x, double y);
 cv::Mat renderView(const cv::Mat& source, const Eigen::Matrix3d& source_from_view,
                    const cv::Size& size);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -3,10 +3,10 @@
 #include <chrono>
 #include <limits>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "util/milliseconds.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 namespace {
 
@@ -35,7 +35,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
   frame.status = match.match.homographyStatus();
   if (match.reference) {
     for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
-    frame.inlier_ratio = evaluation::retention(frame.matches[3], frame.matches[1]);
+    frame.inlier_ratio = metrics::retention(frame.matches[3], frame.matches[1]);
     frame.rmse = match.match.rmse;
     frame.search = match.match.search;
   }
@@ -70,7 +70,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   const cv::Size size = match.frame->features.image_size;
   const bool found = match.match.homographyStatus() == Status::ok;
   if (truth && found) {
-    frame.corner_error = evaluation::cornerError(match.match.answer.homography, *truth, size);
+    frame.corner_error = metrics::cornerError(match.match.answer.homography, *truth, size);
   }
   const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
   if (!truth || !found || window_is_full) {
@@ -82,7 +82,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   estimated_ = match.match.answer.homography * estimated_;
   true_ = *truth * true_;
   ++frames_in_window_;
-  frame.drift = evaluation::cornerError(estimated_, true_, size);
+  frame.drift = metrics::cornerError(estimated_, true_, size);
 }
 
 SequenceScore SequenceEvaluator::score() const {
@@ -101,7 +101,7 @@ SequenceScore SequenceEvaluator::score() const {
       begun += tracks(end - k + 1, 1);
       alive += tracks(end, k);
     }
-    score.survival.push_back(evaluation::retention(alive, begun));
+    score.survival.push_back(metrics::retention(alive, begun));
   }
   return score;
 }
@@ -120,4 +120,4 @@ nlohmann::json toJson(const SequenceScore& score) {
   return out;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -7,7 +7,7 @@
 
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// One frame matched to the previous one.
 struct FrameScore {
@@ -64,4 +64,4 @@ class SequenceEvaluator {
 
 nlohmann::json toJson(const SequenceScore& score);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -20,7 +20,7 @@
 #include "parameters/options.h"
 #include "util/format.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 namespace fs = std::filesystem;
@@ -413,4 +413,4 @@ std::string toTable(const LabelledTargets& searched) {
              ms[0], ms[1], ms[2], ms[3], ms[4]);
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

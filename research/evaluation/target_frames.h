@@ -8,7 +8,7 @@
 #include "ktgp_orb/target_finder.h"
 
 /// Targets in photographs and videos with labels, see doc/targets.md.
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Sizes at which each labelled image is searched by itself; 1: as it is.
 constexpr std::array<double, 5> kLabelledSizes{1.0, 0.5, 0.35, 0.25, 0.18};
@@ -49,4 +49,4 @@ LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOpti
 /// For the terminal.
 std::string toTable(const LabelledTargets& searched);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

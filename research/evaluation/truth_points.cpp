@@ -13,7 +13,7 @@
 #include "files/input.h"
 #include "homography/transform.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 namespace {
 
@@ -89,4 +89,4 @@ bool isWithinCovariance(const UncertainHomography& estimate,
   return true;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -7,7 +7,7 @@
 #include "evaluation/dataset.h"
 #include "ktgp_orb/prosac_homography.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Annotated correspondences as text, one row `xA yA xB yB` each, px. Throws FileError unless there
 /// are at least four rows of four finite numbers.
@@ -26,4 +26,4 @@ double meanTransferError(const Eigen::Matrix3d& homography,
 bool isWithinCovariance(const UncertainHomography& estimate,
                         const std::vector<AnnotatedPoint>& points, double sigma);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

@@ -19,8 +19,8 @@
 
 #include "files/csv.h"
 #include "files/input.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "util/format.h"
 #include "util/geometry.h"
@@ -30,7 +30,7 @@
 #define KTGP_ORB_HAVE_MAGSAC \
   (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))
 
-namespace ktgp_orb::tools::two_view {
+namespace ktgp_orb::evaluation::two_view {
 
 namespace {
 
@@ -354,18 +354,16 @@ std::string row(const std::string& set, const std::string& method,
   std::string out = format("%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(), scores.size(),
                            share(found, scores.size()));
   for (const double threshold : kPoseThresholds) {
-    out += format(" %5.1f", 100.0 * evaluation::areaUnderCurve(errors, threshold));
+    out += format(" %5.1f", 100.0 * metrics::areaUnderCurve(errors, threshold));
   }
-  out += format("  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
-                100.0 * evaluation::summarize(precision).mean);
+  out += format("  %6.1f %6.1f", 100.0 * metrics::summarize(kept).mean,
+                100.0 * metrics::summarize(precision).mean);
   if (normalised.empty()) {
     out += "       -      -";
   } else {
-    out +=
-        format("  %6.1f %6.1f", share(within, normalised.size()), evaluation::median(normalised));
+    out += format("  %6.1f %6.1f", share(within, normalised.size()), metrics::median(normalised));
   }
-  return out +
-         format("  %7.1f %7.1f\n", evaluation::median(times), evaluation::median(estimations));
+  return out + format("  %7.1f %7.1f\n", metrics::median(times), metrics::median(estimations));
 }
 
 /// The pairs whose motion is wrong although its covariance excludes the truth, one in a line.
@@ -512,4 +510,4 @@ std::string toCsv(const std::vector<PosePair>& pairs,
   return out;
 }
 
-}  // namespace ktgp_orb::tools::two_view
+}  // namespace ktgp_orb::evaluation::two_view

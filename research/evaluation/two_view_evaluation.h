@@ -12,7 +12,7 @@
 #include "parameters/options.h"
 
 /// Evaluation of the relative pose of two views of scenes with depth.
-namespace ktgp_orb::tools::two_view {
+namespace ktgp_orb::evaluation::two_view {
 
 /// Degrees at which the area under the curve is measured.
 constexpr std::array<double, 4> kPoseThresholds{1.0, 2.0, 5.0, 10.0};
@@ -84,4 +84,4 @@ std::string toCsv(const std::vector<PosePair>& pairs,
                   const std::vector<std::vector<PoseScore>>& scores,
                   const std::vector<std::string>& methods);
 
-}  // namespace ktgp_orb::tools::two_view
+}  // namespace ktgp_orb::evaluation::two_view

@@ -10,7 +10,7 @@
 #include "util/constants.h"
 #include "util/random.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 namespace {
 
 using util::Random;
@@ -133,4 +133,4 @@ WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp) {
   return {toGrey(renderView(source, picture_from_reference, size)), toGrey(target)};
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

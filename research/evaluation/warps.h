@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::evaluation {
 
 /// Limits for the motion of the camera between the two views of a warp. Every value is drawn
 /// uniformly from -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
@@ -58,4 +58,4 @@ struct WarpedImages {
 /// are black. Both are rendered from the picture with antialiasing.
 WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::evaluation

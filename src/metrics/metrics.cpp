@@ -1,4 +1,4 @@
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -10,7 +10,7 @@
 #include "homography/part_in_view.h"
 #include "util/keypoint_position.h"
 
-namespace ktgp_orb::evaluation {
+namespace ktgp_orb::metrics {
 namespace {
 
 using util::position;
@@ -139,4 +139,4 @@ double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   return errors.empty() ? 0.0 : area / (static_cast<double>(errors.size()) * threshold);
 }
 
-}  // namespace ktgp_orb::evaluation
+}  // namespace ktgp_orb::metrics

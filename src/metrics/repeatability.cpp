@@ -4,10 +4,10 @@
 #include <tuple>
 #include <utility>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "util/constants.h"
 
-namespace ktgp_orb::evaluation {
+namespace ktgp_orb::metrics {
 namespace {
 
 constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
@@ -134,4 +134,4 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
   return result;
 }
 
-}  // namespace ktgp_orb::evaluation
+}  // namespace ktgp_orb::metrics

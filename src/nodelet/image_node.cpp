@@ -130,8 +130,6 @@ void NodeBase::tick() {
   const ros::Time now = ros::Time::now();
   const bool stands = ros::Time::isSimTime() && now == std::exchange(last_time_, now);
   watchInputs(stands);
-  // ROS does not warn about unknown parameters, so we do.
-  diagnosis_.setFault("old parameter", removedParameter(privateNode(slow_queue_), nodelet()));
   diagnosis_.tick(stands, clockIsMissing());
   beforeReport();
   updater_->force_update();

@@ -77,24 +77,12 @@ void requireUsableValue(const ParameterInfo& info, const std::string& name,
 }  // namespace
 
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet) {
-  const std::string removed = removedParameter(node, nodelet);
-  if (!removed.empty()) throw std::invalid_argument(removed);
   for (const ParameterInfo& info : parametersOf(nodelet)) {
     XmlRpc::XmlRpcValue value;
     if (node.getParam(info.name, value)) {
       requireUsableValue(info, node.resolveName(info.name), value);
     }
   }
-}
-
-std::string removedParameter(const ros::NodeHandle& node, const std::string& nodelet) {
-  for (const std::string& name : unknownParameters(node, nodelet)) {
-    const std::string reason = whyRemoved(nodelet, name.substr(name.rfind('/') + 1));
-    if (reason.empty()) continue;
-    std::string refused = "parameter ";
-    return refused.append(name).append(" is of an earlier version: ").append(reason);
-  }
-  return "";
 }
 
 void requireValue(const ParameterInfo& info, const boost::any& value) {

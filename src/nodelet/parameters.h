@@ -11,16 +11,13 @@
 namespace ktgp_orb {
 
 /// Checks the initial parameters below `node`, from a launch file, YAML or the command line, which
-/// dynamic_reconfigure would clamp or ignore without a message: their types, ranges and choices,
-/// and names of earlier versions. Throws std::invalid_argument with the parameter, its value and
-/// what is expected. `nodelet`: see parametersOf.
+/// dynamic_reconfigure would clamp or ignore without a message: their types, ranges and
+/// choices. Throws std::invalid_argument with the parameter, its value and what is expected.
+/// `nodelet`: see parametersOf.
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Parameters below `node` that the nodelet does not have, misspelt ones for example.
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node, const std::string& nodelet);
-
-/// A sentence about a parameter of an earlier version that was set below `node`; empty: none was.
-std::string removedParameter(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Checks what dynamic_reconfigure does not: that numbers are none of NaN and infinity, and that
 /// texts are choices. Throws as requireUsable does.

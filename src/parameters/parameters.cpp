@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <locale>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 
@@ -74,16 +75,6 @@ std::vector<ParameterRow> readRows() {
     rows.push_back({info, fields[rows.size()]});
   }
   return rows;
-}
-
-using Reasons = std::map<std::string, std::string>;  // by the names of removed parameters
-
-std::map<std::string, Reasons> readRemoved() {
-  std::map<std::string, Reasons> of_nodelets;
-#define KTGP_REMOVED(nodelet, name, reason) of_nodelets[#nodelet][#name] = reason;
-#include "parameters/removed.def"
-#undef KTGP_REMOVED
-  return of_nodelets;
 }
 
 [[noreturn]] void refuse(const ParameterInfo& info, const std::string& name,
@@ -182,24 +173,6 @@ const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& 
     if (info.name == name) return info;
   }
   throw std::invalid_argument("the nodelet " + nodelet + " has no parameter " + name);
-}
-
-const Reasons& removedParameters(const std::string& nodelet) {
-  static const Reasons none;
-  static const std::map<std::string, Reasons> of_nodelets = readRemoved();
-  const auto found = of_nodelets.find(nodelet);
-  return found == of_nodelets.end() ? none : found->second;
-}
-
-std::string whyRemoved(const std::string& nodelet, const std::string& name) {
-  const Reasons& reasons = removedParameters(nodelet);
-  const auto found = reasons.find(name);
-  return found == reasons.end() ? "" : found->second;
-}
-
-void refuseRemoved(const std::string& nodelet, const std::string& name) {
-  const std::string reason = whyRemoved(nodelet, name);
-  if (!reason.empty()) throw std::invalid_argument(name + " is of an earlier version: " + reason);
 }
 
 void requireValid(const ParameterInfo& info, const std::string& name, double value) {

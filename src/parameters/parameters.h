@@ -1,6 +1,5 @@
 #pragma once
 
-#include <map>
 #include <string>
 #include <variant>
 #include <vector>
@@ -61,13 +60,6 @@ const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
 /// A row of it. Throws std::invalid_argument for an unknown nodelet or parameter.
 const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
-
-/// The parameters of earlier versions: by name, why it is no more, and what to do instead.
-const std::map<std::string, std::string>& removedParameters(const std::string& nodelet);
-/// The same for one name; empty: it never was one of this nodelet.
-std::string whyRemoved(const std::string& nodelet, const std::string& name);
-/// Throws std::invalid_argument with the reason of whyRemoved, if there is one.
-void refuseRemoved(const std::string& nodelet, const std::string& name);
 
 /// A parameter of the matcher and its value in Parameters.
 struct ParameterRow : ParameterInfo {

@@ -54,7 +54,6 @@ Parameters parametersFrom(const Settings& settings, Scope scope) {
   for (const auto& [key, value] : settings.changes) {
     const auto name = key.cast<std::string>();
     const ParameterRow* const row = findParameter(name);
-    refuseRemoved("matcher", name);
     if (row == nullptr || !obeys(scope, *row)) {
       throw std::invalid_argument(name +
                                   " is not a parameter of this object; doc/parameters.md lists "

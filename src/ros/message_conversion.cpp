@@ -8,7 +8,7 @@
 #include <limits>
 #include <utility>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ros/answer_message.h"
 #include "ros/image_conversion.h"
 #include "util/keypoint_position.h"
@@ -229,7 +229,7 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
 
   message->reference_stamp = timeOf(match.reference->stamp);
   message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
-  const auto distance = evaluation::descriptorDistance(match.match.correspondences, Level::ktgp);
+  const auto distance = metrics::descriptorDistance(match.match.correspondences, Level::ktgp);
   message->mean_distance = distance.mean;
   message->rms_distance = distance.rms;
   if (match.match.status == Status::ok) {

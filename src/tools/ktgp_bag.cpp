@@ -22,7 +22,7 @@
 #include "bag/video.h"
 #include "files/input.h"
 #include "files/output_file.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/status.h"
 #include "ros/camera.h"
 #include "ros/image_conversion.h"
@@ -204,7 +204,7 @@ class Run {
       return std::to_string(found) + " geometries" + (kinds.empty() ? "" : kinds + ")");
     }
     std::string text = util::format("%zu motions%s), median parallax %.2g degrees", found,
-                                    kinds.c_str(), evaluation::median(parallaxes_));
+                                    kinds.c_str(), metrics::median(parallaxes_));
     for (const auto& [doubt, count] : doubts_) {
       text += ", " + std::to_string(count) + " in doubt: " + toString(doubt);
     }
@@ -229,14 +229,14 @@ class Run {
     others += noteOnGaps();
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return successes(found) +
-           util::format(", median of %.0f inliers, %.2f ms an image", evaluation::median(inliers_),
-                        evaluation::median(milliseconds_)) +
+           util::format(", median of %.0f inliers, %.2f ms an image", metrics::median(inliers_),
+                        metrics::median(milliseconds_)) +
            others + '\n';
   }
 
   /// Of a recording whose images are seldom; empty for others.
   std::string noteOnGaps() const {
-    const double step = evaluation::median(steps_);
+    const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
     return util::format(
         "\n%zu images have no reference: they are about %.3g s apart, and max_reference_age is "

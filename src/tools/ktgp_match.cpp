@@ -13,7 +13,7 @@
 #include "files/input.h"
 #include "files/output_file.h"
 #include "homography/transform.h"
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/pair_matcher.h"
 #include "tools/matcher_cli.h"
@@ -86,10 +86,10 @@ Outcome run(Arguments& arguments) {
   std::vector<Correspondence> matches;
   for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
     outcome.pair.match.surviving(static_cast<Level>(i), matches);
-    outcome.distances[i] = evaluation::descriptorDistance(matches);
+    outcome.distances[i] = metrics::descriptorDistance(matches);
     if (outcome.truth) {
-      outcome.errors[i] = evaluation::reprojectionErrors(*outcome.truth, outcome.pair.reference,
-                                                         outcome.pair.target, matches);
+      outcome.errors[i] = metrics::reprojectionErrors(*outcome.truth, outcome.pair.reference,
+                                                      outcome.pair.target, matches);
     }
   }
   return outcome;

@@ -112,16 +112,6 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   for (const ParameterRow& row : parameterRows()) {
     if (wanted(row)) addOption(app, row, shown, given);
   }
-  for (const auto& [name, reason] : removedParameters("matcher")) {  // not shown by --help
-    if (name == "overlay") continue;  // the name of an option of the programs
-    app.add_option_function<std::string>(
-           "--" + name,
-           [name = name, reason = reason](const std::string& /*value*/) {
-             throw CLI::ValidationError("--" + name, "it is of an earlier version: " + reason);
-           })
-        ->group("")
-        ->expected(0, 1);
-  }
   app.callback([given, preset, defaults, done] {
     Parameters parameters = defaults;
     const std::string& file = given->at("params");

@@ -66,13 +66,13 @@ void printStage(const Outcome& outcome, std::size_t i, const MatcherOptions& opt
     std::printf("%6s %8.2f  %s\n", "", s.milliseconds, note.c_str());
     return;
   }
-  std::printf("%5.1f%% %8.2f  %13.3f %6.3f", 100.0 * evaluation::retention(s.output, s.input),
+  std::printf("%5.1f%% %8.2f  %13.3f %6.3f", 100.0 * metrics::retention(s.output, s.input),
               s.milliseconds, outcome.distances[i].mean, outcome.distances[i].rms);
   if (outcome.truth) {
-    const evaluation::ErrorSummary error = evaluation::summarize(outcome.errors[i]);
+    const metrics::ErrorSummary error = metrics::summarize(outcome.errors[i]);
     std::printf("  %10.1f%%  %7.2f px  %7.2f",
-                100.0 * evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin),
-                error.mean, error.rms);
+                100.0 * metrics::precision(outcome.errors[i], metrics::kCorrectWithin), error.mean,
+                error.rms);
   }
   std::printf("%s%s\n", note.empty() ? "" : "  ", note.c_str());
 }
@@ -261,12 +261,12 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   }
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",
-                evaluation::cornerError(result.answer.homography, *outcome.truth,
-                                        outcome.pair.reference.image_size));
+                metrics::cornerError(result.answer.homography, *outcome.truth,
+                                     outcome.pair.reference.image_size));
   }
 }
 
-json toJson(const evaluation::ErrorSummary& summary) {
+json toJson(const metrics::ErrorSummary& summary) {
   if (summary.count == 0) return {{"mean", nullptr}, {"rms", nullptr}};
   return {{"mean", summary.mean}, {"rms", summary.rms}};
 }
@@ -364,8 +364,8 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
     json stage = toJson(result.stages[i]);
     stage["descriptor_distance"] = toJson(outcome.distances[i]);
     if (!outcome.errors[i].empty()) {
-      stage["reprojection_error"] = toJson(evaluation::summarize(outcome.errors[i]));
-      stage["precision_3px"] = evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin);
+      stage["reprojection_error"] = toJson(metrics::summarize(outcome.errors[i]));
+      stage["precision_3px"] = metrics::precision(outcome.errors[i], metrics::kCorrectWithin);
     }
     out["stages"].push_back(std::move(stage));
   }
@@ -383,8 +383,8 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out.update(tools::toJson(result.answer));
   out["corner_deviation"] = cornerDeviation(outcome, commonCorners(outcome));
   if (outcome.truth) {
-    out["corner_error"] = evaluation::cornerError(result.answer.homography, *outcome.truth,
-                                                  pair.reference.image_size);
+    out["corner_error"] =
+        metrics::cornerError(result.answer.homography, *outcome.truth, pair.reference.image_size);
   }
   return out;
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/pair_matcher.h"
 #include "parameters/options.h"
 
@@ -19,8 +19,8 @@ struct Outcome {
   PairMatch pair;
   MatchHints hints;
   // Of the matches left after each of the four stages:
-  std::array<evaluation::ErrorSummary, 4> distances;  ///< of the descriptors
-  std::array<std::vector<double>, 4> errors;          ///< against the truth, px; empty without one
+  std::array<metrics::ErrorSummary, 4> distances;  ///< of the descriptors
+  std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without one
   std::optional<Eigen::Matrix3d> truth;
 };
 

@@ -38,10 +38,7 @@ void readYaml(const std::string& text, Parameters& parameters) {
     // Maps are groups of dynamic_reconfigure or parameters of plugins.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
-    if (row == nullptr) {
-      refuseRemoved("matcher", name);
-      throw std::invalid_argument("there is no parameter " + name);
-    }
+    if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
     const bool quoted = entry.second.Tag() == "!";
     if (quoted && !std::holds_alternative<std::string Parameters::*>(row->field)) {

@@ -14,8 +14,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     require(homography.allFinite() && homography.determinant() != 0.0, "H can be inverted");
   } catch (const files::FileError&) {
   }
-  tools::Dataset dataset;
-  tools::addPairs(file.path(), dataset);
+  evaluation::Dataset dataset;
+  evaluation::addPairs(file.path(), dataset);
   std::size_t lines = 1;
   for (std::size_t i = 0; i < size; ++i) lines += bytes[i] == '\n' ? 1 : 0;
   require(dataset.pairs.size() + dataset.problems.size() <= lines, "a line is a pair or a problem");

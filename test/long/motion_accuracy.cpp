@@ -100,7 +100,7 @@ class ExactFlight {
   Wave along_, across_, rise_, yaw_, pitch_, roll_;
 };
 
-using evaluation::median;
+using metrics::median;
 using motion::CameraPose;
 using motion::Vector6;
 

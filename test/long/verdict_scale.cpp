@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "frame_pair.h"
-#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "synthetic_pairs.h"
 
@@ -319,7 +319,7 @@ int related(long pairs, std::uint64_t seed) {
                    &by_overlap[std::min<std::size_t>(4, static_cast<std::size_t>(share * 5.0))],
                    ok ? &by_inliers[n] : nullptr};
     const bool wrong =
-        ok && !(evaluation::cornerError(result.answer.homography, truth, size) <= kWrong);
+        ok && !(metrics::cornerError(result.answer.homography, truth, size) <= kWrong);
     const bool within = ok && test::squaredDeviation(result.answer, truth) <= kChi8;
     for (Row* row : rows) {
       if (row == nullptr) continue;

@@ -125,10 +125,10 @@ NOT_RUN = {
         'dev/check', '{sudo ,}dev/check_platform bookworm', 'dev/check_workspace', 'dev/sanitize{, thread, address}',
         'scripts/test -L long -R long_soak', 'rostest test/ros/stream.test name:=lazy program:=lazy_test'],
     'takes minutes to hours': [
-        'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test', 'dev/check_arm64{, --fast, knn_matcher_test}',
+        'KTGP_ORB_DAMAGES=200000 test/ros_tests --file=hostile_bag_test', 'dev/check_arm64{, --fast, --rest, knn_matcher_test}',
         'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
-        'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly', 'dev/sanitize thread full',
-        'dev/mutate{, --refresh, --refresh 15 1, core/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
+        'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly{, fuzz latency, --list}', 'dev/sanitize thread full',
+        'dev/mutate{, --refresh, --refresh 15 1, matching/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
         'scripts/test -L long{, -R {motion,faults,verdict,long_flood,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
         'rostest test/ros/program.test name:=robot_overload args:=--seconds=120',
@@ -142,7 +142,7 @@ NOT_RUN = {
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
     'dev/check runs it, where Doxygen is': ['cmake --build BUILD --target doc'],
     'this is such a clone': ['git clone <this repository> ktgp_orb && cd ktgp_orb'],
-    'runs this test': ['scripts/test{, -R robot_}'],
+    'runs this test': ['scripts/test{, --full, -R robot_}'],
     'another test does: demo, launch_run (with a stand-in for rviz), sliders, recordings, ktgp_evaluate_test': [
         'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders NODE',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '

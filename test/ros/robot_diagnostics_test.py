@@ -67,12 +67,6 @@ class DiagnosticsTest(MatcherCase):
         self.picture = lambda pixels: noise.randint(0, 256, (60, 2600), np.uint8)
         self.wait_for('matcher', WARN, 'the images are 2600 px long; made 1000 to 2500 px long first')
 
-    def test_an_old_parameter_is_named_while_it_is_set(self):
-        rospy.set_param('/camera/matcher/gms_rows', 10)
-        self.wait_for('matcher', WARN, 'parameter /camera/matcher/gms_rows is of an earlier version: set gms_grid')
-        rospy.delete_param('/camera/matcher/gms_rows')
-        self.wait_for('matcher', OK, '')
-
     def test_a_camera_that_is_too_slow_for_the_reference(self):
         self.configure(max_reference_age=0.001)
         values = self.wait_for('matcher', WARN, 'in a row without a reference: gap')

@@ -1,7 +1,7 @@
 # The nodelet on a robot. The C++ tests load it into their own process.
 add_library(robot_main STATIC EXCLUDE_FROM_ALL robot_main.cpp)
-target_include_directories(robot_main PUBLIC ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/test/core)
-target_link_libraries(robot_main PUBLIC ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST_MAIN} Threads::Threads)
+target_include_directories(robot_main PUBLIC ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/test/support)
+target_link_libraries(robot_main PUBLIC ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST} Threads::Threads)
 ktgp_orb_reuse_precompiled(ktgp_orb_test_headers robot_main)
 foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
     robot_views_teardown)
@@ -10,7 +10,10 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
   ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} program.test name:=${name})
+  ktgp_orb_waits(_ctest_${PROJECT_NAME}_rostest_${name} build_robot_tests)
+  list(APPEND robot_tests ${name}_test)
 endforeach()
+ktgp_orb_build(robot_tests 1900 ${robot_tests})
 # Like heap_test it replaces malloc, and it needs function names for addresses.
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 foreach(name robot_diagnostics robot_reference)

@@ -93,7 +93,6 @@ class StartupTest(FolderCase):
             'ratio_treshold: 0.7': 'ratio_treshold is not known',
             'T_w: 1.5': 'T_w is 1.5; expected a number in [0, 1]',
             'reference_mode: nearest': 'reference_mode is nearest; expected previous',
-            'gms_columns: 10': 'gms_columns is of an earlier version: set gms_grid',
             'T_w: "0.7"': "T_w is the text '0.7'; expected a number: without quotes",
             'T_w: 7e-1': "T_w is the text '7e-1'; expected a number: without quotes, and as 0.7",
             'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '

@@ -285,9 +285,7 @@ class KtgpMatch(PairCase):
                                         ("--scale_factor", "2.5", "2]"),
                                         ("--fast_threshold", "256", "[1, 255]"),
                                         ("--threads", "-1", "[0, 256]"),
-                                        ("--gms_columns", "10", "earlier version"),
                                         ("--prosac_threshold", "0", "[0.1, 20]"),
-                                        ("--prosac_seed", "3", "earlier version"),
                                         ("--descriptor", "sift", "teblid"),
                                         ("--distribution", "even", "uniform"),
                                         ("--features", "many", "a whole number")):
@@ -344,7 +342,7 @@ class KtgpMatch(PairCase):
                                ("features: 10.5\n", "whole number"),
                                ("features: 2000.0\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n",
                                                                                                             "bad.yaml"),
-                               ("descriptor: slow\n", "teblid"), ("extractor: opencv\n", "earlier version"), ("",
+                               ("descriptor: slow\n", "teblid"), ("extractor: opencv\n", "no parameter extractor"), ("",
                                                                                                               "name: value"),
                                ("&a {b: *a}\n", "too deep"),  # a map that contains itself
                                ("&a {dictitems: *a}\n", "too deep")):

@@ -379,7 +379,7 @@ class BagOutput(OutputCase):
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
                 (("--calibration", "raw"), "--targets"), (("--lazy", "false"), "not expected: --lazy"),
-                (("--max_pair_megapixels", "9"), "earlier version"), (("--max_latency", "1"), "not expected"),
+                (("--max_latency", "1"), "not expected"),
                 (("--reference_image", "a.pgm"), "fixed"),
                 (("--overlay_style", "flow"), "--overlay"),
                 (("--motion", "m", "--motion_height", "5"), "--motion_height_source parameter"),

@@ -32,8 +32,8 @@ except ImportError:
 
 
 def expected():
-    """The table of test/core/paper_test.cpp: set -> (rows of counts, distances)."""
-    text = (ROOT / "test/core/paper_test.cpp").read_text()
+    """The table of test/matching/paper_test.cpp: set -> (rows of counts, distances)."""
+    text = (ROOT / "test/matching/paper_test.cpp").read_text()
     found = {}
     for name in ("leuven", "bikes"):
         body = text[text.index(f'{{"{name}"'):]
