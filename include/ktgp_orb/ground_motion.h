@@ -64,7 +64,8 @@ struct GroundMotionOptions {
   /// in 100 m. Old readings of height and normal count less after each keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to that of the last one, s; 0: all at
-  /// once, a global shutter; below 0: not known. It is estimated, except for 0.
+  /// once, a global shutter; between -1 and 0: the last row is the first, as in pictures that the
+  /// driver turns by 180 degrees; -1: not known. It is estimated, except for 0.
   double readout_time = -1.0;
   /// Standard deviation of a constant relative error of all lengths, such as that of a height that
   /// was measured once, >= 0.
@@ -88,8 +89,10 @@ enum class GroundStatus : std::uint8_t {
   no_height = 5,      ///< no height was given yet
   no_normal = 6,      ///< the normal was not given, and the motion does not show it yet
   contradiction = 7,  ///< the homography is a jump after earlier frames, and is not used
-  stamp_went_back = 8,  ///< a looped recording, or a clock that was set: the motion restarts
-  not_finite = 9,       ///< numbers too large to compute with: everything begins anew
+  /// A single frame is left out. With the next one that goes back, too, everything begins anew: a
+  /// looped recording, or a clock that was set.
+  stamp_went_back = 8,
+  not_finite = 9,  ///< numbers too large to compute with: everything begins anew
   /// The camera looks above the horizon: by normals again and again, or no picture says otherwise.
   looks_away = 10,
 };
@@ -111,6 +114,10 @@ struct ImuMounting {
   /// Bias of the angular velocity, in the base frame, rad/s; subtract it.
   Eigen::Vector3d bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_deviation = Eigen::Vector3d::Zero();
+  /// By which share of it the angular velocity is too large. A wrong focal length of the camera
+  /// looks like it, but about the optical axis.
+  double scale_error = 0.0;
+  double scale_error_deviation = 0.0;
 };
 
 /// All that is known, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms late".
@@ -151,7 +158,7 @@ struct GroundEstimate {
   /// angular velocity that counts the other way, 57.3: in degrees. 0: too little was seen.
   double turn_ratio = 0.0;
   /// The readout time of a rolling shutter, as far as the pictures show it, and its standard
-  /// deviation, s.
+  /// deviation, s. Below 0: the last row is exposed first.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
   /// Mounting of the Imu that gives turns or directions; nothing is corrected by it. Learned over
@@ -192,7 +199,9 @@ class GroundMotion {
   /// Adds the next frame. The reference is the previous frame or the reference of the previous
   /// frame (as in the modes of SequenceMatcher); after any other one the motion begins anew at the
   /// predicted position. Throws std::invalid_argument, without any change, for unusable readings, a
-  /// camera without focal length and a homography that is not finite.
+  /// camera without focal length and a homography that is not finite; and for another frame with
+  /// the stamp of the last one, after which the motion goes on as after a gap. The same frame again
+  /// gets the same estimate.
   const GroundEstimate& add(const GroundFrame& frame);
 
   /// The odometry begins anew at its origin.

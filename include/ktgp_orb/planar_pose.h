@@ -55,7 +55,8 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// `readout_time`, s. `before` is the homography of an image `seconds` earlier: it tells how fast
 /// the points of the target move, and they are moved back to the time of the middle row. The
 /// covariance has the noise of both homographies, but not a velocity that changes between them.
-/// `readout_time` below 0: it is not known. Then the homography is that of `now`, and its
+/// `readout_time` between -1 and 0: the last row is exposed first, as in pictures that the driver
+/// turns by 180 degrees; -1: it is not known. Then the homography is that of `now`, and its
 /// covariance has a readout time of 0 +- 10 ms. planarPoses() needs only six of the eight numbers,
 /// so it takes little of what the shutter bends for a pose, and its covariance has the rest.
 /// Returns `now` where one of the two does not show all of the reference image, and where the time

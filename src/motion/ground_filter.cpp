@@ -62,11 +62,21 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
 
 void GroundFilter::setReadout(double seconds) {
   constexpr double kShare = 0.1;  // share of the given value
-  readout_ = std::max(seconds, 0.0);
-  const double deviation = seconds < 0.0 ? util::kUnknownReadout : kShare * readout_;
+  const bool is_known = seconds != -1.0;
+  readout_ = is_known ? seconds : 0.0;
+  const double deviation = is_known ? kShare * std::abs(readout_) : util::kUnknownReadout;
   covariance_.row(kReadout).setZero();
   covariance_.col(kReadout).setZero();
   covariance_(kReadout, kReadout) = deviation * deviation;
+}
+
+void GroundFilter::limitReadout(double seconds) {
+  const double beyond = std::abs(readout_) - seconds;
+  if (!(beyond > 0.0)) return;
+  Eigen::Matrix<double, 1, kSize> slope = Eigen::Matrix<double, 1, kSize>::Zero();
+  slope(kReadout) = 1.0;
+  const Eigen::Matrix<double, 1, 1> back(readout_ > 0.0 ? -beyond : beyond);
+  update(back, slope, covariance_(kReadout, kReadout));
 }
 
 void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
@@ -260,6 +270,11 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
+  // A straight flight does not show the shutter. The noise of its flow would look like knowledge,
+  // in time: a usual readout time has to change the constraints by more than their noise.
+  if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
+    constraints_by_state_.col(kReadout).setZero();
+  }
   Eigen::Matrix<double, 6, kSize> slope = Eigen::Matrix<double, 6, kSize>::Zero();
   slope.middleCols<9>(kReadout) = -solved.solution.rightCols(9);
 

@@ -35,8 +35,10 @@ class GroundFilter {
   /// steps of the pose before (6) and of the pose now (6).
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
-  /// Readout time of the shutter, s; 0: a global shutter, below 0: not known.
+  /// Readout time of the shutter, s; 0: a global shutter, -1: not known.
   void setReadout(double seconds);
+  /// An image has been read when the next one begins: the readout time is at most `seconds`.
+  void limitReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 

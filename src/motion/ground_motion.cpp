@@ -33,6 +33,7 @@ constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the hei
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 struct GroundMotion::Impl {
   const GroundEstimate& add(const GroundFrame& frame);
+  bool goesBack(const GroundFrame& frame);
   void forget();
   GroundStatus follow(const GroundFrame& frame);
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
@@ -62,9 +63,11 @@ struct GroundMotion::Impl {
   std::int64_t last_stamp = 0;
   std::optional<TurnReading> turned;  // since that frame; empty: a reading was missing
   std::int64_t newest_stamp = 0;      // also of frames without a homography
-  std::int64_t before_stamp = 0;      // stamp of the frame before that
+  std::optional<Eigen::Matrix3d> newest_homography;
+  std::int64_t before_stamp = 0;  // stamp of the frame before that
   bool has_frame = false;
-  int looks_away = 0;  // normals that say so, one after the other
+  std::optional<std::int64_t> apart_stamp;  // of the newest frame, if it went back
+  int looks_away = 0;                       // normals that say so, one after the other
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
@@ -88,17 +91,23 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
   motion::requireValid(frame);  // the turn of a frame that is refused is missing in the sum
   turned = turns;
+  const std::optional<Eigen::Matrix3d> homography =
+      frame.answer ? std::make_optional(frame.answer->homography) : std::nullopt;
   if (has_frame && frame.stamp == newest_stamp) {
+    if (homography == newest_homography) return estimate;  // the same frame
+    is_connected = false;  // the next frame may start from this one, where the pose is not known
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
   estimate = {};
-  const bool went_back = has_frame && frame.stamp < newest_stamp;
+  if (goesBack(frame)) return estimate;
   before_stamp = newest_stamp;
   newest_stamp = frame.stamp;
+  newest_homography = homography;
   has_frame = true;
-  if (went_back) has_pose = is_connected = false;
   addTurn(frame);
-  estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
+  estimate.status = follow(frame);
+  if (estimate.hasTwist())
+    filter.limitReadout(1e-9 * static_cast<double>(newest_stamp - before_stamp));
   if (!filter.isFinite()) forget();
   mounting.endFrame();
   estimate.imu = mounting.estimate(options.camera_to_base.linear());
@@ -111,6 +120,21 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
     turned = TurnReading();
   }
   return estimate;
+}
+
+/// A single frame whose stamp goes back is left out: its stamp may be wrong. With a second one that
+/// follows it, it is a looped recording, or a clock that was set, and everything begins anew.
+bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
+  const std::optional<std::int64_t> apart = std::exchange(apart_stamp, std::nullopt);
+  if (!has_frame || frame.stamp > newest_stamp) return false;
+  if (apart && frame.stamp > *apart) {
+    has_pose = is_connected = false;
+    newest_stamp = *apart;
+    return false;
+  }
+  apart_stamp = frame.stamp;
+  estimate.status = GroundStatus::stamp_went_back;
+  return true;
 }
 
 /// A state that is not finite would stay so for ever: the next frame begins anew.

@@ -20,10 +20,10 @@ using util::propagated;
 
 constexpr double kBlock = 0.5;     // s
 constexpr double kMemory = 300.0;  // s
-// Standard deviations before anything is known: rad, s, rad/s, rad.
-constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05};
+// Standard deviations before anything is known: rad, s, rad/s, rad; of the scale, a share of it.
+constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
 // Deviations above these are not known.
-constexpr double kKnown[] = {0.0125, 0.02, 0.02};
+constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
 // A larger mounting is too far from the first order that is computed with.
 constexpr double kLargest = 0.35;  // rad
 // Successive differences share a block, so their errors are not independent. Measured on flights.
@@ -102,6 +102,7 @@ void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double se
   if (turn) {
     rate_ = turnOf(turn->rotation) / seconds;
     turned_.value += turnOf(step * turn->rotation) + turn->age * (rate_ - rate_before);
+    turned_.slope.col(kScale) += turnOf(turn->rotation);
     turned_.slope.middleCols<3>(kMounting).setIdentity();
     turned_.slope.col(kDelay) = -rate_;
     now = turned_;
@@ -149,6 +150,8 @@ void Mounting::dropNoise(double variance, Slope& slope) {
   }
   const double change = slope.col(kDelay).squaredNorm();
   if (change < variance / (kBlock * kBlock) + kLeastRate * kLeastRate) slope.col(kDelay).setZero();
+  const double turned = slope.col(kScale).squaredNorm();
+  if (turned < variance + kLeastTurn * kLeastTurn) slope.col(kScale).setZero();
 }
 
 void Mounting::learn(Said difference) {
@@ -178,7 +181,7 @@ void Mounting::solve() {
   constexpr double kRows = 10.0;  // measurements that the given noise counts for
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
-      Eigen::Vector3d::Constant(kPrior[3]);
+      Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
   for (int iteration = 0; iteration < 3; ++iteration) {
     Information information = information_ / noise_;
     const Information seen = information;
@@ -224,7 +227,10 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     if (!std::isfinite(deviation)) value = 0.0;
     is_known = is_known || std::isfinite(deviation);
   };
+  imu.scale_error = unknowns_(kScale);
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
+  report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
+         gives_turns_ ? kKnown[3] : 0.0);
   for (int i = 0; i < 3; ++i) {
     report(imu.rotation(i), imu.rotation_deviation(i), of_rotation(i, i), kKnown[0]);
     report(imu.bias(i), imu.bias_deviation(i), of_bias(i, i), gives_turns_ ? kKnown[2] : 0.0);
@@ -267,6 +273,11 @@ std::string lateness(double delay, double deviation) {
                    delay < 0.0 ? "ms early" : "ms late");
 }
 
+std::string largeness(double error, double deviation) {
+  return plusMinus(100.0 * std::abs(error), 100.0 * deviation,
+                   error < 0.0 ? "% too small" : "% too large");
+}
+
 void append(const char* what, const std::string& more, std::string& text) {
   if (!more.empty()) text += (text.empty() ? what : std::string("; ") + what) + more;
 }
@@ -288,6 +299,8 @@ std::string describe(const ImuMounting& imu) {
   if (is_known(imu.delay, imu.delay_deviation))
     append("stamps ", lateness(imu.delay, imu.delay_deviation), text);
   append("angular velocity ", axes(imu.bias, imu.bias_deviation, "degrees/s", is_known), text);
+  if (is_known(imu.scale_error, imu.scale_error_deviation))
+    append("its scale ", largeness(imu.scale_error, imu.scale_error_deviation), text);
   return text;
 }
 
@@ -295,6 +308,7 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
+  const auto is_another_scale = matters(0.02);         // cheap gyroscopes promise 3 %
   std::string text;
   append("the Imu seems to be mounted ",
          axes(imu.rotation, imu.rotation_deviation, "degrees", turns_too_far), text);
@@ -302,6 +316,9 @@ std::string troubleOf(const ImuMounting& imu) {
     append("the Imu's stamps seem ", lateness(imu.delay, imu.delay_deviation), text);
   append("the Imu's angular velocity seems ",
          axes(imu.bias, imu.bias_deviation, "degrees/s", drifts), text);
+  if (is_another_scale(imu.scale_error, imu.scale_error_deviation))
+    append("the scale of the Imu's angular velocity seems ",
+           largeness(imu.scale_error, imu.scale_error_deviation), text);
   return text;
 }
 

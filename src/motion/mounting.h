@@ -14,11 +14,12 @@ namespace ktgp_orb::motion {
 ///
 /// The readings of the Imu are turned into each new frame by the rotation of the pictures. The sum
 /// of its turns, or its direction n to the ground, is constant then, but for the mounting m, the
-/// delay d and the bias b. To first order these change it by m - w d + b t for turns, and by n x (m
-/// - b t) + (w x n) d for directions, where w is the angular velocity. For directions, b is a drift
-/// of the pictures. A wrong normal adds three unknowns. The constant drops out of the difference of
-/// the means of successive blocks of half a second. The ten unknowns follow by weighted least
-/// squares that forget within five minutes, the noise from the residuals.
+/// delay d, the bias b and the relative error s of the scale. To first order these change it by
+/// m - w d + b t + s a for turns, where w is the angular velocity and a the turn so far, and by
+/// n x (m - b t) + (w x n) d for directions. For directions, b is a drift of the pictures. A wrong
+/// normal adds three unknowns. The constant drops out of the difference of the means of successive
+/// blocks of half a second. The eleven unknowns follow by weighted least squares that forget within
+/// five minutes, the noise from the residuals.
 class Mounting {
  public:
   /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
@@ -35,7 +36,7 @@ class Mounting {
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
-  static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kTilt = 7, kSize = 10;
+  static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kTilt = 7, kScale = 10, kSize = 11;
   using Unknowns = Eigen::Matrix<double, kSize, 1>;
   using Information = Eigen::Matrix<double, kSize, kSize>;
   using Slope = Eigen::Matrix<double, 3, kSize>;

@@ -278,7 +278,7 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows) {
   requireTimes(seconds, readout_time, reference_size, rows);
-  if (readout_time < 0.0) return withUnknownShutter(now, before, seconds, reference_size, rows);
+  if (readout_time == -1.0) return withUnknownShutter(now, before, seconds, reference_size, rows);
   const auto corners = homography::imageCorners(reference_size, {});
   if (!homography::keepsPlaneInView(now.homography, corners) ||
       !homography::keepsPlaneInView(before.homography, corners)) {

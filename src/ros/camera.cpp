@@ -156,9 +156,12 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 }
 
 void requireReadoutTime(double seconds) {
-  if (seconds == -1.0 || seconds >= 0.0) return;
-  throw std::invalid_argument("readout_time is " + std::to_string(seconds) +
-                              "; expected -1, not known, 0, a global shutter, or more");
+  constexpr double kLongest = 0.2;  // s
+  if (seconds == -1.0 || std::abs(seconds) <= kLongest) return;
+  throw std::invalid_argument(
+      "readout_time is " + std::to_string(seconds) +
+      "; expected -1, not known, 0, a global shutter, or up to 0.2 s, below "
+      "0 where the last row is exposed first");
 }
 
 }  // namespace ktgp_orb

@@ -1200,6 +1200,32 @@ TEST(GroundMotion, AStampThatWentBackBeginsAnew) {
   EXPECT_EQ(flight.ground.add(looped.next()).status, GroundStatus::ok);
 }
 
+TEST(GroundMotion, ASingleStampThatWentBackChangesNothing) {
+  Flight flight(mounted(), 1e-4);
+  Flight undisturbed(mounted(), 1e-4);
+  for (int i = 0; i < 40; ++i) {
+    const GroundEstimate estimate = flight.step();
+    EXPECT_EQ(estimate.twist, undisturbed.step().twist);
+    if (i % 10 != 5) continue;
+    GroundFrame wrong;
+    wrong.stamp = flight.next().stamp - 100'000'000;
+    undisturbed.next();
+    EXPECT_EQ(flight.ground.add(wrong).status, GroundStatus::stamp_went_back);
+  }
+}
+
+// Whoever takes SequenceMatch for a new frame although it is `repeated` gives it twice.
+TEST(GroundMotion, TheSameFrameAgainHasTheSameEstimate) {
+  Flight flight(mounted(), 1e-8);
+  flight.steps(20);
+  const GroundFrame frame = flight.next();
+  const GroundEstimate once = flight.ground.add(frame);
+  const GroundEstimate again = flight.ground.add(frame);
+  EXPECT_EQ(again.status, GroundStatus::ok);
+  EXPECT_EQ(again.twist, once.twist);
+  EXPECT_EQ(flight.step().status, GroundStatus::ok);
+}
+
 std::string refusalOf(const std::function<void(GroundFrame&)>& change) {
   Flight flight(mounted(), 1e-8);
   flight.next();

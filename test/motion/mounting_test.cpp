@@ -40,6 +40,7 @@ struct Rig {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   double delay = 0.0;
   Eigen::Vector3d bias = Eigen::Vector3d::Zero();
+  double scale_error = 0.0;
 };
 
 enum class Gives { turns, directions };
@@ -80,7 +81,8 @@ class Flight : public test::GroundPictures {
           poseAt(t - 1.0 / kRate - late).axes.transpose() * poseAt(t - late).axes;
       const Eigen::Vector3d wrong = to_base.transpose() * rig.bias / kRate + gyro_noise * shake();
       result.turn.emplace();
-      result.turn->rotation = said * turn * said.transpose() * rotationAbout(wrong);
+      const Eigen::Matrix3d scaled = rotationAbout((1.0 + rig.scale_error) * motion::turnOf(turn));
+      result.turn->rotation = said * scaled * said.transpose() * rotationAbout(wrong);
       result.turn->deviation = gyro_noise;
       result.turn->age = age;
     }
@@ -149,6 +151,44 @@ TEST(Mounting, ADegreeAnd20MillisecondsAreFoundWithinAMinute) {
       EXPECT_EQ(imu->bias, Eigen::Vector3d::Zero());
       EXPECT_TRUE(std::isinf(imu->bias_deviation.minCoeff()));
     }
+  }
+}
+
+// A wrong scale is not called a bias, a mounting or a delay, and is found beside them.
+TEST(Mounting, AWrongScaleOfTheGyroscopeIsNamed) {
+  const Turns mostly_yaw = [](double t) {
+    return Eigen::Vector3d(1.5 * std::sin(0.4 * t), 0.1 * std::sin(1.3 * t), 0.08 * std::sin(t));
+  };
+  for (const double error : {0.1, -0.06, 0.03}) {
+    for (const bool has_bias : {false, true}) {
+      for (const Turns& turns : {Turns(lively), mostly_yaw}) {
+        Flight flight(Gives::turns);
+        flight.turns = turns;
+        flight.rig.scale_error = error;
+        if (has_bias) flight.rig.bias = degrees(0.0, 0.0, 1.0);
+        const auto imu = flight.after(60.0);
+        ASSERT_TRUE(imu);
+        const std::string text = troubleOf(*imu);
+        EXPECT_NEAR(imu->scale_error, error, 0.005) << text;
+        EXPECT_LT(imu->scale_error_deviation, 0.005) << text;
+        EXPECT_NE(text.find("the scale of the Imu's angular velocity seems"), std::string::npos)
+            << text;
+        EXPECT_EQ(text.find("mounted"), std::string::npos) << text;
+        EXPECT_EQ(text.find("stamps"), std::string::npos) << text;
+        EXPECT_EQ(text.find("about z") != std::string::npos, has_bias) << text;
+      }
+    }
+  }
+}
+
+TEST(Mounting, ARightScaleIsNotCalledWrong) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    Flight flight(Gives::turns, seed);
+    flight.rig.bias = degrees(0.5, -0.5, 1.0);
+    const auto imu = flight.after(60.0);
+    ASSERT_TRUE(imu);
+    EXPECT_LT(std::abs(imu->scale_error), 4.0 * imu->scale_error_deviation);
+    EXPECT_EQ(troubleOf(*imu).find("scale"), std::string::npos) << troubleOf(*imu);
   }
 }
 
