@@ -150,6 +150,13 @@ struct MatchResult {
   UncertainHomography answer;
   std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
   double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
+  /// Matches of any level that stand still where `answer` says that the scene moves by 3 px or
+  /// more: hot pixels, dirt on the lens, burned-in text. Where more matches stand still than move,
+  /// and both are all over the image, those that move give the answer, and the others have level
+  /// kt.
+  std::size_t still = 0;
+  /// Whether these are too many for chance.
+  bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }
 
   /// Copies the correspondences that reached at least `level` into `out`, in target order.
   void surviving(Level level, std::vector<Correspondence>& out) const;

@@ -51,10 +51,12 @@ SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The numbers are those of the REASON_ constants in the messages.
 enum class NoReference : std::uint8_t {
-  none = 0,              ///< there was a reference
-  first_frame = 1,       ///< there was no previous frame
-  gap = 2,               ///< the previous frame is older than max_age
-  stamp_went_back = 3,   ///< the previous frame is newer: a looped recording
+  none = 0,         ///< there was a reference
+  first_frame = 1,  ///< there was no previous frame
+  gap = 2,          ///< the previous frame is older than max_age
+  /// The previous frame is newer. A single frame is left out, and the next one has the reference
+  /// that it would have had; two that follow each other are a looped recording.
+  stamp_went_back = 3,
   size_changed = 4,      ///< the previous frame has another width or height
   encoding_changed = 5,  ///< the previous frame has another encoding
   not_set = 6,           ///< fixed mode without a reference
@@ -106,6 +108,11 @@ struct SequenceMatch {
   FrameConstPtr frame;
   FrameConstPtr reference;                       ///< null: none, see `no_reference`
   NoReference no_reference = NoReference::none;  ///< none: there was a reference
+  /// The image repeats the one before, with the same pixels or compressed anew, as drivers and
+  /// videos with a doubled rate do. It is no new frame: everything else is still that of the frame
+  /// before, `frame` as well. Images of a camera that stands still are new frames: those that stay
+  /// the same for longer than images took to change, or, where none did, than 0.1 s.
+  bool repeated = false;
   bool reference_changed = false;  ///< it differs from the reference of the previous frame
   MatchResult match;               ///< status no_reference, all empty without one
   /// From the first frame of an unbroken sequence to this one; empty at its start, in fixed mode

@@ -9,6 +9,7 @@
 #include "growth/verdict.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
+#include "matching/standing.h"
 #include "util/keypoint_position.h"
 #include "util/milliseconds.h"
 #include "util/names.h"
@@ -55,6 +56,7 @@ void clearGeometry(MatchResult& result) {
   result.answer = {};
   result.inliers = 0;
   result.rmse = 0.0;
+  result.still = 0;
   clearTwoView(result);
 }
 
@@ -101,6 +103,10 @@ class Chain {
     bool (Chain::*run)(Context& context, StageResult& stage);
   };
   static const Stage kStages[];  // in the order in which they run
+  static const Stage* const kProsacStage;
+
+  void runStages(const Stage* first, Context& context);
+  bool sceneMoves(Context& context);
 
   bool runKnn(Context& context, StageResult& stage);
   bool runRatio(Context& context, StageResult& stage);
@@ -124,6 +130,7 @@ class Chain {
   TwoViewMatcher two_view_;
   homography::HomographyVerdict verdict_;
   growth::ShiftVotes shifts_;
+  matching::Standing standing_;
   PointPairs pairs_;                            // the matches that passed GMS
   ProsacResult labelled_;                       // a candidate that PROSAC did not find
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
@@ -146,6 +153,7 @@ const Chain::Stage Chain::kStages[] = {
     {StageId::align, [](const MatcherOptions& o) { return o.alignment.enabled; },
      &Chain::runAlignment},
 };
+const Chain::Stage* const Chain::kProsacStage = kStages + 4;
 
 void Chain::nameStages(const MatcherOptions& options, MatchResult& result) {
   auto& stages = result.stages;
@@ -163,12 +171,14 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   clearGeometry(result);
   guided_matches_.clear();
   Context context{reference, target, hints, result};
-  for (const Stage& stage : kStages) {
-    if (!stage.is_on(options)) continue;
-    const auto start = std::chrono::steady_clock::now();
-    StageResult& listed = *std::find_if(result.stages.begin(), result.stages.end(),
-                                        [&](const StageResult& s) { return s.id == stage.id; });
-    if ((this->*stage.run)(context, listed)) listed.milliseconds = util::millisecondsSince(start);
+  runStages(kStages, context);
+  if (sceneMoves(context)) {
+    guided_matches_.clear();
+    runStages(kProsacStage, context);
+  }
+  if (result.homographyStatus() == Status::ok) {
+    result.still = matching::Standing::count(result.answer.homography, reference, target,
+                                             result.correspondences);
   }
   if (!context.wants_homography) return;
   if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
@@ -177,6 +187,34 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   }
   const bool turned = result.two_view.view.geometry == Geometry::rotation;
   result.geometry = turned ? Geometry::rotation : Geometry::plane;
+}
+
+/// All from `first` on.
+void Chain::runStages(const Stage* first, Context& context) {
+  std::vector<StageResult>& stages = context.result.stages;
+  for (const Stage* stage = first; stage != std::end(kStages); ++stage) {
+    if (!stage->is_on(options)) continue;
+    const auto start = std::chrono::steady_clock::now();
+    StageResult& listed = *std::find_if(stages.begin(), stages.end(),
+                                        [&](const StageResult& s) { return s.id == stage->id; });
+    if ((this->*stage->run)(context, listed)) listed.milliseconds = util::millisecondsSince(start);
+  }
+}
+
+/// Whether most matches stand still, as hot pixels do, while others agree that the scene moves.
+/// Then those that stand still are no more in question.
+bool Chain::sceneMoves(Context& context) {
+  using matching::Standing;
+  MatchResult& result = context.result;
+  if (hasTwoView(options) || result.status != Status::ok) return false;
+  if (!Standing::standsStill(result.answer.homography, context.reference, context.target)) {
+    return false;
+  }
+  standing_.collect(context.reference, context.target, result.correspondences);
+  prosac_.estimate(standing_.moving(), context.reference.image_size, std::nullopt, labelled_);
+  if (labelled_.status != Status::ok || !standing_.isScene(labelled_.mask)) return false;
+  Standing::drop(context.reference, context.target, result.correspondences);
+  return true;
 }
 
 /// `output`: target features with a neighbour.

@@ -321,6 +321,9 @@ void defineImuMounting(py::module_& module) {
       .def_readonly("bias", &ImuMounting::bias,
                     "(3,) float64: of the angular velocity, in the base frame, rad/s.")
       .def_readonly("bias_deviation", &ImuMounting::bias_deviation)
+      .def_readonly("scale_error", &ImuMounting::scale_error,
+                    "By which share of it the angular velocity is too large.")
+      .def_readonly("scale_error_deviation", &ImuMounting::scale_error_deviation)
       .def_property_readonly("trouble", &troubleOf, "What is certainly wrong; empty: nothing.")
       .def("__str__", &describe);
 }
@@ -379,7 +382,7 @@ void defineGroundMotion(py::module_& module) {
            py::arg("readout_time") = usual.readout_time,
            py::arg("scale_deviation") = usual.scale_deviation,
            "camera_to_base: (4, 4), from the camera's frame (x right, y down, z forward);\n"
-           "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
+           "readout_time: s from the first row of an image to the last; 0: a global shutter; -1 "
            "0: not known,\nit is estimated; doc/motion.md describes the others. Raises ValueError.")
       .def(
           "add", addToMotion, py::arg("frame"), py::arg("camera"), py::arg("height") = py::none(),

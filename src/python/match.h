@@ -75,6 +75,7 @@ struct Match {
 /// The result for a frame of a sequence.
 struct FrameMatch : Match {
   using Match::Match;
+  bool repeated = false;
   std::string no_reference;
   std::optional<Eigen::Matrix3d> accumulated;
   std::int64_t stamp = 0;  ///< ns

@@ -16,6 +16,7 @@ std::shared_ptr<FrameMatch> copied(const SequenceMatch& found) {
   static const Features none;
   const Features& reference = found.reference ? found.reference->features : none;
   auto out = std::make_shared<FrameMatch>(found.match, reference, found.frame->features);
+  out->repeated = found.repeated;
   out->no_reference = toString(found.no_reference);
   if (found.accumulated) out->accumulated = found.accumulated->homography;
   out->stamp = found.frame->stamp;
@@ -65,6 +66,9 @@ void defineFrameMatch(py::module_& module) {
       module, "FrameMatch", "The result for a frame of a sequence.")
       .def_readonly("no_reference", &FrameMatch::no_reference,
                     "Why the frame had no reference, e.g. \"first_frame\"; \"none\": it had one.")
+      .def_readonly("repeated", &FrameMatch::repeated,
+                    "The image repeats the one before and is no new frame: all else is that of the "
+                    "frame before.")
       .def_readonly("accumulated", &FrameMatch::accumulated,
                     "(3, 3) float64: from the first frame of the unbroken sequence to this one, "
                     "px; or None.")
@@ -83,7 +87,7 @@ void defineFrameMatch(py::module_& module) {
           [](const FrameMatch& m) {
             return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp,
                                   m.reference_stamp, m.image_size.width, m.image_size.height,
-                                  m.tracks);
+                                  m.tracks, m.repeated);
           },
           [](const py::tuple& state) {
             auto match = std::make_shared<FrameMatch>();
@@ -94,6 +98,7 @@ void defineFrameMatch(py::module_& module) {
             match->reference_stamp = state[4].cast<std::int64_t>();
             match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
             match->tracks = state[7].cast<std::vector<std::uint64_t>>();
+            match->repeated = state[8].cast<bool>();
             return match;
           }));
 }

@@ -1,5 +1,7 @@
 #include "sequence/reference_keeper.h"
 
+#include <utility>
+
 namespace ktgp_orb::sequence {
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
@@ -13,12 +15,28 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
     if (!fixed_) reason_ = NoReference::not_set;
     return fixed_;
   }
+  if (previous_ && apart_ && next.stamp < previous_->stamp && next.stamp >= apart_->stamp) {
+    restartAt(std::exchange(apart_, nullptr));  // no wrong stamp: a looped recording
+  }
   if (previous_) {
     const NoReference why = whyNotAfterPrevious(next);
+    if (why == NoReference::stamp_went_back) {
+      reason_ = why;
+      return nullptr;
+    }
     if (why != NoReference::none) forget(why);
   }
   if (!previous_) reason_ = forgotten_;
   return reference_;
+}
+
+NoReference anotherCamera(const Frame& next, const Frame& before) {
+  if (next.encoding != before.encoding) return NoReference::encoding_changed;
+  // A caller may create a new lens with the same calibration for every frame.
+  const LensConstPtr& lens = before.lens;
+  const bool same_lens =
+      next.lens == lens || (next.lens && lens && next.lens->calibration() == lens->calibration());
+  return same_lens ? NoReference::none : NoReference::lens_changed;
 }
 
 // A keyframe may be old as long as frames arrive; the previous frame must not be.
@@ -29,13 +47,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
       static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
-  if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
-  // A caller may create a new lens with the same calibration for every frame.
-  const LensConstPtr& lens = previous_->lens;
-  const bool same_lens =
-      next.lens == lens || (next.lens && lens && next.lens->calibration() == lens->calibration());
-  if (!same_lens) return NoReference::lens_changed;
-  return NoReference::none;
+  return anotherCamera(next, *previous_);
 }
 
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
@@ -54,6 +66,11 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
                               const MatchResult* result) {
   forgotten_ = NoReference::none;
   if (options_.mode == ReferenceMode::fixed) return;
+  apart_ = reason_ == NoReference::stamp_went_back ? frame : nullptr;
+  if (apart_) {
+    accumulated_.reset();
+    return;
+  }
   if (result == nullptr || result->homographyStatus() != Status::ok) {
     restartAt(frame);
     return;
@@ -81,7 +98,7 @@ void ReferenceKeeper::restartAt(const FramePtr& frame) {
 }
 
 void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
-  for (FramePtr* held : {&fixed_, &reference_, &previous_}) {
+  for (FramePtr* held : {&fixed_, &reference_, &previous_, &apart_}) {
     if (*held == frame) *held = fresh;
   }
 }
@@ -92,6 +109,7 @@ void ReferenceKeeper::forget(NoReference reason) {
   if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
   reference_.reset();
   previous_.reset();
+  apart_.reset();
   accumulated_.reset();
 }
 

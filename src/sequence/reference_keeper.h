@@ -8,6 +8,9 @@
 
 namespace ktgp_orb::sequence {
 
+/// Why the two cannot be of one camera, their encodings or lenses; none: they may be.
+NoReference anotherCamera(const Frame& next, const Frame& before);
+
 /// Chooses the reference of the next frame, decides when to forget it, and accumulates
 /// homographies.
 class ReferenceKeeper {
@@ -50,6 +53,7 @@ class ReferenceKeeper {
   FramePtr fixed_;
   FramePtr reference_;  // mode previous: the previous frame; keyframe: the keyframe
   FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
+  FramePtr apart_;      // the newest frame, if its stamp went back; it may be wrong
   NoReference reason_ = NoReference::none;
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
   // From the first frame of the sequence.

@@ -9,6 +9,7 @@
 #include "sequence/frames.h"
 #include "sequence/motion_predictor.h"
 #include "sequence/reference_keeper.h"
+#include "sequence/repeats.h"
 #include "util/milliseconds.h"
 #include "util/names.h"
 
@@ -141,6 +142,7 @@ struct SequenceMatcher::Impl {
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
+  bool repeatsAnswer(const Frame& frame);
   void forgetAnswer();
 
   SequenceOptions options;
@@ -149,6 +151,7 @@ struct SequenceMatcher::Impl {
   sequence::ReferenceKeeper keeper;
   sequence::MotionPredictor predictor;
   sequence::TrackNumbers tracks;
+  sequence::Repeats repeats;
   sequence::FramePool pool;
   ReferenceViews views;
   FramePtr viewed;  // the frame of the views
@@ -158,7 +161,8 @@ struct SequenceMatcher::Impl {
   std::optional<RelativePose> last_motion;  // motion of the frame before
   double lost_milliseconds = 0.0;           // spent on matches that are not the result
   bool fix_next_frame = false;
-  bool had_reference = false;  // also forgets the result that names it
+  bool has_other_options = false;  // than those of the answer
+  bool had_reference = false;      // also forgets the result that names it
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
@@ -172,6 +176,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
+  has_other_options = true;
 }
 
 /// Feature options for `frame`, where `fixed` is the fixed reference (null: none).
@@ -271,7 +276,20 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
+/// Before its features are found, which would be for nothing.
+bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
+  const bool is_asked_anew = std::exchange(has_other_options, false) || fix_next_frame;
+  if (!answer.frame || is_asked_anew) return false;
+  const Frame& last = *answer.frame;
+  // The caller may have a mask of its own for each frame.
+  if (frame.mask.data != last.mask.data) return false;
+  if (sequence::anotherCamera(frame, last) != NoReference::none) return false;
+  return repeats.repeats(frame.image, frame.stamp, last.image, last.stamp);
+}
+
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAhead* ahead) {
+  answer.repeated = repeatsAnswer(*given);
+  if (answer.repeated) return answer;
   const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
   if (frame != given) ahead = nullptr;  // its indices are those of the old features
   ktgp_orb::requireValid(frame->features, "target");
@@ -313,6 +331,7 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.reference.reset();
   answer.accumulated.reset();
   predictor.forget();
+  repeats.forget();
   viewed.reset();
   last_motion.reset();
 }
@@ -338,7 +357,7 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   frame->stamp = stamp;
   frame->encoding = encoding;
   // An empty image has no features; old ones must not remain.
-  impl_->extract(*frame, impl_->orbFor(*frame, impl_->fixedFor(*frame)));
+  if (image.empty()) impl_->extract(*frame, impl_->options.orb);
   return impl_->match(frame, nullptr);
 }
 

@@ -273,6 +273,7 @@ TEST(SequenceMatcher, SaysWhyThereIsNoReference) {
   // The largest possible step of stamps.
   EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
   EXPECT_EQ(reason(15, -9.1e9), NoReference::stamp_went_back);
+  EXPECT_EQ(reason(15, -9.0e9), NoReference::gap) << "two that follow each other are believed";
   EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
 }
 

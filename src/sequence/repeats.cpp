@@ -1,0 +1,93 @@
+#include "sequence/repeats.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+namespace ktgp_orb::sequence {
+namespace {
+
+/// Mean difference of the pixels of a grid, grey levels. Whole rows would cost as much as the
+/// extraction of features of a large image.
+double differenceOf(const cv::Mat& a, const cv::Mat& b) {
+  constexpr int kStep = 5;  // px; blocks of a JPEG have 8
+  std::int64_t sum = 0;
+  std::int64_t count = 0;
+  for (int y = 0; y < a.rows; y += kStep) {
+    const auto* const row_a = a.ptr<std::uint8_t>(y);
+    const auto* const row_b = b.ptr<std::uint8_t>(y);
+    for (int x = 0; x < a.cols; x += kStep) sum += std::abs(int(row_a[x]) - int(row_b[x]));
+    count += (a.cols + kStep - 1) / kStep;
+  }
+  return static_cast<double>(sum) / static_cast<double>(std::max<std::int64_t>(count, 1));
+}
+
+bool areEqual(const cv::Mat& a, const cv::Mat& b) {
+  for (int y = 0; y < a.rows; ++y) {
+    if (!std::equal(a.ptr(y), a.ptr(y) + a.cols, b.ptr(y))) return false;
+  }
+  return true;
+}
+
+/// The newest `most` values.
+void keep(double value, std::size_t most, std::vector<double>& values) {
+  values.reserve(most);
+  if (values.size() == most) values.erase(values.begin());
+  values.push_back(value);
+}
+
+}  // namespace
+
+bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
+                      std::int64_t last_stamp) {
+  constexpr double kLongest = 0.25;  // s: cameras with less than four images a second are rare
+  constexpr std::size_t kIntervals = 8;
+  if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
+  const double seconds = 1e-9 * (static_cast<double>(stamp) - static_cast<double>(last_stamp));
+  if (seconds < 0.0) return false;
+  const double difference = differenceOf(image, last);
+  const bool is_equal = difference == 0.0 && areEqual(image, last);
+  const bool is_same = isInLowerGroup(difference) || is_equal;
+  if (is_equal && seconds == 0.0 && stamp != 0) return true;  // a message that came twice
+  // Without times a camera that stands still could not be told from one that repeats.
+  if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
+  // The first image that stays too long may be a repetition that is later than those before.
+  if (seconds > 0.0 && !(is_same && stands_still_)) {
+    keep(std::min(seconds, kLongest), kIntervals, intervals_);
+  }
+  stands_still_ = is_same;
+  return false;
+}
+
+/// How long an image may stay the same before the camera stands still, s.
+double Repeats::patience() const {
+  constexpr double kUnknown = 0.1;  // s: cameras with less than ten images a second are rare
+  constexpr double kMore = 1.5;     // than it stayed so far, at irregular repetitions
+  if (intervals_.empty()) return kUnknown;
+  return kMore * *std::max_element(intervals_.begin(), intervals_.end());
+}
+
+/// A motion that slows down has all differences in between. One that stops goes to the lower group
+/// once, and does not alternate.
+bool Repeats::isInLowerGroup(double difference) {
+  constexpr std::size_t kImages = 16;
+  constexpr double kLeast = 0.05;  // grey levels, below which there is no noise of a compression
+  constexpr double kApart = 2.5;   // times; copies of one compression differ by a factor of 1.2
+  constexpr double kAlike = 2.0;   // times, in the lower group
+  constexpr int kTimes = 3;        // that it alternates
+  keep(std::max(difference, kLeast), kImages, differences_);
+  std::array<double, kImages> sorted{};
+  const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());
+  std::sort(sorted.begin(), end);
+  const auto first_above =
+      std::find_if(sorted.begin(), end, [&](double d) { return d > kAlike * sorted[0]; });
+  if (first_above == end || *first_above < kApart * *(first_above - 1)) return false;
+  int falls = 0;
+  for (std::size_t i = 1; i < differences_.size(); ++i) {
+    falls += differences_[i] < *first_above && differences_[i - 1] >= *first_above ? 1 : 0;
+  }
+  return falls >= kTimes && differences_.back() < *first_above;
+}
+
+}  // namespace ktgp_orb::sequence

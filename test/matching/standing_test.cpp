@@ -1,0 +1,114 @@
+// Things that stand still in the image, such as hot pixels and dirt, while the scene moves; and a
+// scene that stands still behind something that moves.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <random>
+
+#include "frame_pair.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "orb_test_images.h"
+
+namespace ktgp_orb {
+namespace {
+
+Features manyFeatures(const cv::Mat& image, int number) {
+  OrbOptions options;
+  options.max_features = number;
+  return test::featuresOf(image, options);
+}
+
+/// Spots of a sky, moved by `shift` px, and pixels of the sensor that are always bright.
+cv::Mat skyWith(int stars, int hot, const cv::Point2d& shift, unsigned seed) {
+  std::mt19937 sky(5);
+  std::mt19937 sensor(seed);
+  cv::Mat image(600, 800, CV_8UC1);
+  std::normal_distribution<double> noise(12.0, 2.5);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      image.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(noise(sensor));
+    }
+  }
+  std::uniform_real_distribution<double> in_x(20.0, 780.0), in_y(20.0, 580.0), bright(60.0, 240.0);
+  for (int i = 0; i < stars; ++i) {
+    const cv::Point2d at = cv::Point2d(in_x(sky), in_y(sky)) + shift;
+    const double light = bright(sky);
+    for (int y = cvRound(at.y) - 5; y <= cvRound(at.y) + 5; ++y) {
+      for (int x = cvRound(at.x) - 5; x <= cvRound(at.x) + 5; ++x) {
+        const double square = (x - at.x) * (x - at.x) + (y - at.y) * (y - at.y);
+        auto& pixel = image.at<std::uint8_t>(y, x);
+        pixel = cv::saturate_cast<std::uint8_t>(pixel + light * std::exp(-square / 2.5));
+      }
+    }
+  }
+  std::mt19937 flaws(9);
+  for (int i = 0; i < hot; ++i) {
+    const cv::Point at(cvRound(in_x(flaws)), cvRound(in_y(flaws)));
+    image.at<std::uint8_t>(at) = static_cast<std::uint8_t>(bright(flaws));
+  }
+  return image;
+}
+
+// Hot pixels agree that nothing moves, and may be more than the stars.
+TEST(KtgpMatcher, HotPixelsAreNotTakenForTheSky) {
+  const cv::Point2d shifts[] = {{4.3, -1.7}, {-2.6, 3.1}, {11.0, 6.0}, {0.0, 30.0}};
+  for (const int hot : {60, 500, 900}) {
+    for (const cv::Point2d& shift : shifts) {
+      KtgpMatcher matcher(MatcherOptions::robust());
+      MatchResult result;
+      matcher.match(manyFeatures(skyWith(450, hot, {}, 1), 5000),
+                    manyFeatures(skyWith(450, hot, shift, 2), 5000), result);
+      if (result.status != Status::ok) continue;
+      const Eigen::Vector2d centre(400.0, 300.0);
+      const Eigen::Vector2d moved =
+          (result.answer.homography * centre.homogeneous()).hnormalized() - centre;
+      EXPECT_NEAR(moved.x(), shift.x, 1.0) << hot << " hot pixels";
+      EXPECT_NEAR(moved.y(), shift.y, 1.0) << hot << " hot pixels";
+    }
+  }
+}
+
+// A dirty lens, or text that a recorder burns in: most of the picture moves.
+TEST(KtgpMatcher, ThingsThatStandStillInAMovingPictureAreCounted) {
+  const cv::Mat ground = test::textureImage(cv::Size(900, 500), 4);
+  const cv::Mat flaws = test::textureImage(cv::Size(640, 480), 8);
+  const auto view = [&](int x, bool dirty) {
+    cv::Mat image = ground(cv::Rect(x, 10, 640, 480)).clone();
+    for (const cv::Rect& spot : {cv::Rect(20, 20, 180, 70), cv::Rect(420, 300, 150, 90)}) {
+      if (dirty) flaws(spot).copyTo(image(spot));
+    }
+    return image;
+  };
+  for (const bool dirty : {false, true}) {
+    KtgpMatcher matcher;
+    MatchResult result;
+    matcher.match(manyFeatures(view(0, dirty), 2000), manyFeatures(view(9, dirty), 2000), result);
+    ASSERT_EQ(result.status, Status::ok);
+    EXPECT_NEAR(result.answer.homography(0, 2), -9.0, 0.5);
+    EXPECT_EQ(result.hasStillThings(), dirty) << result.still;
+  }
+}
+
+// Something that moves in front of a camera that stands still.
+TEST(KtgpMatcher, ACameraThatStandsStillIsNotMovedByWhatPasses) {
+  const cv::Mat wall = test::textureImage(cv::Size(640, 480), 4);
+  const cv::Mat lorry = test::textureImage(cv::Size(300, 220), 8);
+  const auto view = [&](int x) {
+    cv::Mat image = wall.clone();
+    lorry.copyTo(image(cv::Rect(100 + x, 200, lorry.cols, lorry.rows)));
+    return image;
+  };
+  KtgpMatcher matcher;
+  MatchResult result;
+  matcher.match(manyFeatures(view(0), 2000), manyFeatures(view(9), 2000), result);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_LT((result.answer.homography - Eigen::Matrix3d::Identity()).norm(), 0.5);
+  EXPECT_EQ(result.still, 0U);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
