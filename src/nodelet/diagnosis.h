@@ -32,6 +32,7 @@ class Diagnosis {
   static constexpr const char* kLost = "lost on the way";
   static constexpr const char* kSkipped = "skipped because of max_rate";
   static constexpr const char* kRefused = "refused";
+  static constexpr const char* kRepeated = "repeated";
 
   void arrived();
   void count(const char* name, std::uint64_t number = 1);

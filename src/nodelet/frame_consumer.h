@@ -26,6 +26,10 @@ class FrameConsumer : public ImageNode<Config, Work> {
 
   void start() override {
     images_ = &this->addImages(5, [this](const sensor_msgs::ImageConstPtr& image, std::uint32_t) {
+      if (image->header.stamp.isZero()) {
+        this->diagnosis_.refuse("its header.stamp is zero, so its homography cannot be found");
+        return;
+      }
       this->diagnosis_.count(Diagnosis::kDropped, this->worker_.template put<&Work::add>(
                                                       kImage, image->data.size(), image));
     });

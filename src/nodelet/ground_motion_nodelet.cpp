@@ -25,6 +25,10 @@ namespace {
 
 using std_srvs::Trigger;
 
+constexpr const char* kNoTime =
+    "header.stamp of the images is zero, so there is no time between them; the driver should give "
+    "each image the time of its exposure";
+
 std::string number(double value) {
   return util::format("%.6g", value);
 }
@@ -102,7 +106,7 @@ void GroundWork::processComplete() {
   while (!waiting_.empty()) {
     const auto& [match, arrival] = waiting_.front();
     const double waited = (ros::WallTime::now() - arrival).toSec();
-    const bool ready = info_ && readings_.complete(match->header.stamp, match->header.frame_id);
+    const bool ready = info_ && readings_.complete(match->header);
     if (!ready && waited < config_.max_age) break;
     process(match);
     waiting_.pop_front();
@@ -115,9 +119,10 @@ void GroundWork::process(const MatchConstPtr& match) {
   std::string problem;
   try {
     if (!info_) throw std::invalid_argument("no camera_info on " + camera_info_topic_);
+    if (match->header.stamp.isZero()) throw std::invalid_argument(kNoTime);
     const Pixels pixels = pixelsFrom(config_.calibration, image_topic_);
-    const cv::Size size(static_cast<int>(match->correspondences.image_width),
-                        static_cast<int>(match->correspondences.image_height));
+    const cv::Size size(static_cast<int>(match->homography.image_width),
+                        static_cast<int>(match->homography.image_height));
     motion_.setOptions(readings_.optionsFor(match->header));
     const GroundEstimate estimate = readings_.withPatience(
         motion_.add(readings_.frameOf(match->homography, size, *info_, pixels)));

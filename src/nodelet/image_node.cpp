@@ -90,6 +90,10 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
   const auto arrived = [this, callback = std::move(callback)](
                            const sensor_msgs::ImageConstPtr& image, std::uint32_t lost) {
     diagnosis_.arrived();
+    if (const char* const wrong = stamps_.wrongWith(image->header.stamp)) {
+      diagnosis_.count(wrong);
+      diagnosis_.setValue("last wrong stamp", std::to_string(image->header.stamp.toSec()));
+    }
     if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
     callback(image, lost);
   };
@@ -131,8 +135,24 @@ void NodeBase::tick() {
   const bool stands = ros::Time::isSimTime() && now == std::exchange(last_time_, now);
   watchInputs(stands);
   diagnosis_.tick(stands, clockIsMissing());
+  reportStamps();
   beforeReport();
   updater_->force_update();
+}
+
+/// A looped bag goes back once.
+void NodeBase::reportStamps() {
+  constexpr std::uint64_t kSome = 3;  // in ten seconds
+  std::string text;
+  for (const char* const wrong : {ImageStamps::kZero, ImageStamps::kAgain, ImageStamps::kBack}) {
+    const std::uint64_t number = diagnosis_.recent(wrong);
+    if (number < kSome) continue;
+    text = std::to_string(number) + " images in ten seconds have " + wrong +
+           ": results are found by header.stamp, and a velocity needs it; the driver should give "
+           "each image the time of its exposure";
+    break;
+  }
+  diagnosis_.setProblem("stamps", text);
 }
 
 void NodeBase::watchInputs(bool clock_stands) {

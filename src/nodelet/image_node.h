@@ -118,6 +118,7 @@ class NodeBase : public nodelet::Nodelet {
   /// Freed memory, which the allocator would keep.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
+  void reportStamps();
 
   std::vector<std::unique_ptr<Input>> inputs_;
   std::vector<ros::ServiceServer> services_;
@@ -127,6 +128,7 @@ class NodeBase : public nodelet::Nodelet {
   bool connected_ = false;
   std::atomic<bool> listening_{false};
   ros::Time last_time_;  // used only in the slow queue
+  ImageStamps stamps_;   // used only in the data queue
 };
 
 /// A nodelet with the parameters `Config`, and a worker with the state `Work`.

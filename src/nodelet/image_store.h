@@ -22,8 +22,7 @@ class ImageStore {
 
   /// How many were dropped because of kBytes. Those beyond kImages are too old for a homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
-    take(image->header.stamp);  // the newer one of two images with the same stamp stays
-    images_[image->header.stamp] = image;
+    images_.emplace(image->header.stamp, image);
     bytes_ += image->data.size();
     order_.push_back(image->header.stamp);
     while (order_.size() > kImages + lag_) dropOldest();
@@ -34,7 +33,7 @@ class ImageStore {
 
   bool has(const ros::Time& stamp) const { return images_.count(stamp) > 0; }
 
-  /// Null if it is not stored.
+  /// The oldest one with this stamp; null if none is stored.
   sensor_msgs::ImageConstPtr take(const ros::Time& stamp) {
     const auto found = images_.find(stamp);
     if (found == images_.end()) return nullptr;
@@ -62,7 +61,7 @@ class ImageStore {
 
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
-  std::map<ros::Time, sensor_msgs::ImageConstPtr> images_;
+  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // two may have one stamp
   std::deque<ros::Time> order_;  // in order of arrival; includes those that were taken
 };
 

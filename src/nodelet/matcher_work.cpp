@@ -47,12 +47,17 @@ void MatcherWork::addTopic(Outputs& outputs, const std::string& name, Make make)
 void MatcherWork::process(const sensor_msgs::ImageConstPtr& image) {
   const auto start = Diagnosis::Clock::now();
   MatchedFrame frame = matcher_.process(image);
+  if (frame.match.repeated) {
+    diagnosis_.count(Diagnosis::kRepeated);
+    return;
+  }
   facts_.holds_set_reference = matcher_.holdsSetReference();
   report(frame.match);
   frame.dropped = diagnosis_.total(Diagnosis::kDropped);
   frame.lost = diagnosis_.total(Diagnosis::kLost);
   frame.skipped = diagnosis_.total(Diagnosis::kSkipped);
   frame.refused = diagnosis_.total(Diagnosis::kRefused);
+  frame.repeated = diagnosis_.total(Diagnosis::kRepeated);
   frame.latency = diagnosis_.done(image->header.stamp, start);
   publish(frame);
   publishOverlay(image);
@@ -75,6 +80,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("geometries", status == Status::ok ? 1 : 0);
   diagnosis_.count("homographies", homography == Status::ok ? 1 : 0);
   diagnosis_.count("inliers", match.match.inliers);
+  diagnosis_.count(kStillThings, has_reference && match.match.hasStillThings() ? 1 : 0);
   // Every sequence begins with one frame without a reference.
   diagnosis_.setProblem("reference",
                         without_reference_ > 1 ? std::to_string(without_reference_) +

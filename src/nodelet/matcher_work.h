@@ -14,6 +14,9 @@
 
 namespace ktgp_orb {
 
+/// Counts frames in which things stand still although the scene moves, see MatchResult::still.
+constexpr const char* kStillThings = "frames with things that stand still";
+
 /// State that the worker shows to other threads.
 struct MatcherFacts {
   std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera

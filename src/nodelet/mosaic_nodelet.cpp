@@ -42,6 +42,7 @@ class MosaicWork {
   void configure(const MosaicConfig& config);
   void add(const sensor_msgs::ImageConstPtr& image) {
     diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
+    size_ = sizeOf(*image);
   }
   void follow(const HomographyStampedConstPtr& message);
   void finish();
@@ -59,6 +60,7 @@ class MosaicWork {
   image_transport::Publisher pictures_;
   ros::Publisher poses_;
   Mosaic mosaic_;
+  cv::Size size_;  // of the newest image
   MosaicConfig config_;
   std_msgs::Header last_header_;                    // header of the last placed image
   std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive
@@ -72,8 +74,11 @@ void MosaicWork::configure(const MosaicConfig& config) {
 
 /// All homographies are links of the chain.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
+  if (size_.empty()) return;  // no image was seen yet
+  // A frame with a wrong stamp breaks no chain; a looped recording begins anew with the next one.
+  if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
-                 homographyOf(*message));
+                 homographyOf(*message, size_));
   unplaced_.push_back(message);
   while (unplaced_.size() > ImageStore::kImages) unplaced_.pop_front();
 }
@@ -98,7 +103,8 @@ void MosaicWork::place(const HomographyStamped& message, const sensor_msgs::Imag
   diagnosis_.setValue("last frame", toString(mosaic_.place(stampOf(message.header.stamp), colour)));
   last_header_ = message.header;
   if (poses_.getNumSubscribers() > 0) {
-    const auto pose = toHomography(message.header, timeOf(mosaic_.firstStamp()), mosaic_.pose());
+    const auto pose = toHomography(message.header, timeOf(mosaic_.firstStamp()), mosaic_.pose(),
+                                   colour.size(), {});
     pose->rectified = message.rectified;
     poses_.publish(pose);
   }

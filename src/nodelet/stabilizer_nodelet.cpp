@@ -67,15 +67,17 @@ void StabilizerWork::restart() {
 void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
   diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
   newest_ = image->header.stamp;
-  size_ = cv::Size(static_cast<int>(image->width), static_cast<int>(image->height));
+  size_ = sizeOf(*image);
 }
 
 void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
+  // A frame with a wrong stamp breaks no chain; a looped recording begins anew with the next one.
+  if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   ready_.clear();
   rectified_ = message->rectified != 0;
   stabilizer_.add(stampOf(message->header.stamp), stampOf(message->reference_stamp),
-                  homographyOf(*message), size_, ready_);
+                  homographyOf(*message, size_), size_, ready_);
   for (const SteadyFrame& frame : ready_) {
     due_.push_back(frame);
     if (frame.starts_anew) ++restarts_;
@@ -108,7 +110,8 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   const auto start = Diagnosis::Clock::now();
   const std_msgs::Header& header = image->header;
   if (warps_.getNumSubscribers() > 0) {
-    const auto warp = toHomography(header, header.stamp, Eigen::Matrix3d(frame.warp));
+    const cv::Size size = sizeOf(*image);
+    const auto warp = toHomography(header, header.stamp, Eigen::Matrix3d(frame.warp), size, size);
     warp->rectified = rectified_;
     warps_.publish(warp);
   }

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "motion/rows.h"
 #include "ros/answer_message.h"
@@ -20,15 +22,21 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// In the order of their stamps, which may jitter. One that goes back farther means a looped bag,
-/// or a clock that was set.
+/// In the order of their stamps, which may jitter. A single one that goes back farther is wrong and
+/// left out; two in a row mean a looped bag, or a clock that was set. `went_back`: the last one
+/// did.
 template <typename Message>
-void keep(const Message& message, std::deque<Message>& messages) {
+void keep(const Message& message, std::deque<Message>& messages, bool& went_back) {
   constexpr std::size_t kKept = 1000;  // messages
   constexpr double kWentBack = 1.0;    // s
   const ros::Time& stamp = message.header.stamp;
-  if (!messages.empty() && (messages.back().header.stamp - stamp).toSec() > kWentBack) {
+  const bool goes_back =
+      !messages.empty() && (messages.back().header.stamp - stamp).toSec() > kWentBack;
+  if (std::exchange(went_back, goes_back) && goes_back) {
     messages.clear();
+    went_back = false;
+  } else if (goes_back) {
+    return;
   }
   const auto is_later = [&](const Message& other) { return other.header.stamp > stamp; };
   messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), message);
@@ -67,17 +75,34 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
 }  // namespace
 
 void GroundReadings::add(const sensor_msgs::Range& range) {
-  keep(range, ranges_);
+  keep(range, ranges_, range_went_back_);
 }
 
 void GroundReadings::add(const sensor_msgs::Imu& imu) {
-  keep(imu, imus_);
+  keep(imu, imus_, imu_went_back_);
 }
 
-bool GroundReadings::complete(const ros::Time& stamp, const std::string& camera) const {
-  if (usesImu() && (imus_.empty() || imus_.back().header.stamp < stamp)) return false;
-  const bool uses_tf = config_.height_source == "tf_height" || config_.normal_source == "tf_normal";
-  return !uses_tf || tf_.canTransform(config_.ground_frame, withoutSlash(camera), stamp);
+bool GroundReadings::complete(const std_msgs::Header& image) const {
+  std::vector<std::string> frames;
+  if (usesImu()) {
+    // An Imu with a stamp far ahead says nothing about those that are still to come.
+    const ros::Time latest = image.stamp + ros::Duration(config_.max_age);
+    const bool has_come = std::any_of(imus_.rbegin(), imus_.rend(), [&](const auto& imu) {
+      return imu.header.stamp >= image.stamp && imu.header.stamp <= latest;
+    });
+    if (!has_come) return false;
+    frames.push_back(imus_.back().header.frame_id);
+  }
+  if (usesRange() && !ranges_.empty()) frames.push_back(ranges_.back().header.frame_id);
+  if (!config_.base_frame.empty()) frames.push_back(config_.base_frame);
+  if (config_.height_source == "tf_height" || config_.normal_source == "tf_normal") {
+    frames.push_back(config_.ground_frame);
+  }
+  const std::string camera = withoutSlash(image.frame_id);
+  return std::all_of(frames.begin(), frames.end(), [&](const std::string& frame) {
+    const std::string name = withoutSlash(frame);
+    return name == camera || tf_.canTransform(name, camera, image.stamp);
+  });
 }
 
 std::string GroundReadings::heightSource() const {
@@ -109,6 +134,10 @@ Pose3 GroundReadings::transform(const std::string& target, const std::string& so
             .toRotationMatrix();
     pose.translation() = vector(found.translation);
     return pose;
+  } catch (const tf2::ExtrapolationException& error) {
+    throw std::invalid_argument(util::format(
+        "tf has %s at other times, and not within max_age, %.3f s, after the image came: %s",
+        withoutSlash(source).c_str(), config_.max_age, error.what()));
   } catch (const tf2::TransformException& error) {
     throw std::invalid_argument(std::string("tf: ") + error.what());
   }
@@ -158,7 +187,10 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   frame.down = attempt([&] { return down(h.header); }, no_normal_);
   dropSidewaysBeam(frame);
   frame.turn = attempt([&] { return turn(h.header); }, no_turn_);
-  last_image_ = h.header.stamp;
+  // A single stamp that goes back is wrong, see GroundMotion.
+  const bool goes_back = h.header.stamp < last_image_;
+  if (!goes_back || image_went_back_) last_image_ = h.header.stamp;
+  image_went_back_ = goes_back && !image_went_back_;
   return frame;
 }
 
@@ -184,7 +216,8 @@ std::string GroundReadings::heightTrouble(const GroundEstimate& estimate) const 
 std::string GroundReadings::normalTrouble(const GroundEstimate& estimate) const {
   if (!(estimate.down_misfit > GroundEstimate::kContradiction)) return no_normal_;
   return "that of " + normalSource() +
-         " contradicts the homography: see where tf has the camera and the sensor, and the stamps";
+         " contradicts the homography: the camera's or the sensor's place in tf, the stamps or the "
+         "sensor itself may be wrong";
 }
 
 std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
@@ -193,7 +226,14 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  return what + ": see where tf has the camera and the Imu, and the stamps";
+  constexpr double kScale = 0.04;  // of noise it is within 0.02
+  if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
+    return what + util::format(": it is %.2f times what the pictures show", ratio);
+  }
+  return what +
+         ": its mounting in tf, its stamps, a bias or its noise may be wrong; \"Imu, as the "
+         "pictures "
+         "show it\" tells them apart after turns about all axes";
 }
 
 std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
@@ -243,7 +283,8 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
                  : "the homography is a jump after earlier frames: it may be off by a period of "
                    "repetitive ground";
     case GroundStatus::stamp_went_back:
-      return "the stamp went back: the odometry begins anew";
+      return "the stamp went back: the frame is left out, and if the next one goes back, too, the "
+             "odometry begins anew";
     case GroundStatus::not_finite:
       return "numbers too large to compute with: the odometry begins anew";
     case GroundStatus::looks_away:
@@ -387,9 +428,12 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
 
 std::string shutterReport(const GroundEstimate& estimate) {
   constexpr double kCertain = 5.0;  // deviations
-  if (!(estimate.readout_time > kCertain * estimate.readout_deviation)) return "";
-  return util::format("the shutter rolls: about %.1f ms from the first row to the last",
-                      1e3 * estimate.readout_time);
+  if (!(std::abs(estimate.readout_time) > kCertain * estimate.readout_deviation)) return "";
+  return util::format("the shutter rolls: about %.1f ms from the %s",
+                      1e3 * std::abs(estimate.readout_time),
+                      estimate.readout_time > 0.0 ? "first row to the last"
+                                                  : "last row to the first (images turned by 180 "
+                                                    "degrees): readout_time is below 0");
 }
 
 }  // namespace ktgp_orb

@@ -36,8 +36,9 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether later messages cannot tell more about that time, unless their stamps jitter.
-  bool complete(const ros::Time& stamp, const std::string& camera) const;
+  /// Whether later messages cannot tell more about the image, unless their stamps jitter: an Imu
+  /// after it has come, and tf knows where the camera, the sensors and the ground are at its time.
+  bool complete(const std_msgs::Header& image) const;
 
   /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
   /// where the camera is.
@@ -87,6 +88,9 @@ class GroundReadings {
   std::string imu_topic_;
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
+  bool range_went_back_ = false;
+  bool imu_went_back_ = false;
+  bool image_went_back_ = false;
   ros::Time used_range_;
   ros::Time range_stamp_;  // stamp of the newest frame's reading; 0: it has none
   std::string range_frame_;

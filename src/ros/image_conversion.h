@@ -22,6 +22,10 @@ class RefusedImage : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+inline cv::Size sizeOf(const sensor_msgs::Image& image) {
+  return {static_cast<int>(image.width), static_cast<int>(image.height)};
+}
+
 /// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
 /// and time of a request are bounded.
 void requireSmall(const std::string& name, const sensor_msgs::Image& image);

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cmath>
 #include <limits>
 #include <utility>
 
 #include "ktgp_orb/metrics.h"
 #include "ros/answer_message.h"
 #include "ros/image_conversion.h"
+#include "util/format.h"
 #include "util/keypoint_position.h"
 #include "util/names.h"
 
@@ -61,6 +63,21 @@ void append(const Correspondence& c, const Frame& reference, const Frame& target
   message.target_index.push_back(static_cast<std::uint32_t>(c.target_index));
   message.level.push_back(static_cast<std::uint8_t>(c.level));
   message.track.push_back(target.tracks[static_cast<std::size_t>(c.target_index)]);
+}
+
+/// To the fields of Correspondences or HomographyStamped.
+template <typename Message>
+void setSizes(const cv::Size& image, const cv::Size& reference, Message& message) {
+  message.image_width = static_cast<std::uint32_t>(image.width);
+  message.image_height = static_cast<std::uint32_t>(image.height);
+  message.reference_width = static_cast<std::uint32_t>(reference.width);
+  message.reference_height = static_cast<std::uint32_t>(reference.height);
+}
+
+template <typename Message>
+void setSizes(const SequenceMatch& match, Message& message) {
+  setSizes(match.frame->features.image_size,
+           match.reference ? match.reference->features.image_size : cv::Size(), message);
 }
 
 void reserve(std::size_t size, Correspondences& message) {
@@ -153,10 +170,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   auto message = boost::make_shared<Correspondences>();
   message->header = frame.header;
   message->reference_stamp = timeOf(reference.stamp);
-  message->image_width = static_cast<std::uint32_t>(target.features.image_size.width);
-  message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
-  message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
-  message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
+  setSizes(match, *message);
   message->geometry = static_cast<std::uint8_t>(match.match.geometry);
   message->rectified = target.lens != nullptr;
   const std::vector<Correspondence>& guided = match.match.guided;
@@ -181,6 +195,7 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   if (result.geometry == Geometry::epipolar) message->reason = MatchStatus::REASON_NO_PLANE;
   message->rectified = match.frame->lens != nullptr;
+  setSizes(match, *message);
   if (result.homographyStatus() != Status::ok) return message;
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->reprojection_rmse = result.rmse;
@@ -196,6 +211,8 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->reference_stamp = timeOf(match.first_stamp);
   message->status = MatchStatus::STATUS_OK;
   message->rectified = match.frame->lens != nullptr;
+  const cv::Size& size = match.frame->features.image_size;
+  setSizes(size, size, *message);  // an unbroken sequence has one
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyAnswer(*match.accumulated, *message);
@@ -212,6 +229,7 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
   message->lost_frames = frame.lost;
   message->skipped_frames = frame.skipped;
   message->refused_frames = frame.refused;
+  message->repeated_frames = frame.repeated;
   message->status = static_cast<std::uint8_t>(match.match.status);
   message->geometry = static_cast<std::uint8_t>(match.match.geometry);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
@@ -245,6 +263,7 @@ MatchPtr toMatch(const MatchedFrame& frame) {
   match->statistics = *toStatistics(frame);
   match->homography = *toHomography(frame);
   match->correspondences.header = frame.header;
+  setSizes(frame.match, match->correspondences);
   if (const auto correspondences = toCorrespondences(frame)) {
     match->correspondences = std::move(*correspondences);
   }
@@ -262,9 +281,11 @@ FrameMessages toMessages(const MatchedFrame& frame) {
 }
 
 HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
-                                  const std::optional<Eigen::Matrix3d>& homography) {
+                                  const std::optional<Eigen::Matrix3d>& homography,
+                                  const cv::Size& image, const cv::Size& reference_size) {
   auto message = boost::make_shared<HomographyStamped>();
   message->header = header;
+  setSizes(image, reference_size, *message);
   message->reference_stamp = reference;
   message->status = homography ? MatchStatus::STATUS_OK : MatchStatus::STATUS_NO_MODEL;
   if (!homography) return message;
@@ -276,6 +297,27 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Tim
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
   const std::optional<UncertainHomography> answer = answerOf(message);
   return answer ? std::make_optional(answer->homography) : std::nullopt;
+}
+
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message,
+                                            const cv::Size& size) {
+  const std::optional<Eigen::Matrix3d> answer = homographyOf(message);
+  const cv::Size image(static_cast<int>(message.image_width),
+                       static_cast<int>(message.image_height));
+  if (image.empty() || image == size) return answer;
+  const double scale = static_cast<double>(size.width) / image.width;
+  // A resizer rounds the height to whole pixels, of the smaller image.
+  if (std::abs(scale * image.height - size.height) > std::max(1.0, scale)) {
+    throw RefusedImage("the homographies are of images of " + util::text(image) +
+                       " and cannot be scaled to those of " + util::text(size) +
+                       "; expected the same image, or one that is resized");
+  }
+  if (!answer) return answer;
+  const Eigen::Matrix3d larger = homography::resizing(image, size);
+  const bool is_of_camera = message.reference_width == message.image_width &&
+                            message.reference_height == message.image_height;
+  if (!is_of_camera) return larger * *answer;
+  return larger * *answer * larger.inverse();
 }
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,

@@ -31,6 +31,7 @@ struct MatchedFrame {
   std::uint64_t lost = 0;
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;
+  std::uint64_t repeated = 0;
 };
 
 /// The messages of the topics in topics.def; null where there is nothing to say.
@@ -52,11 +53,17 @@ struct FrameMessages {
 /// Without the overlay.
 FrameMessages toMessages(const MatchedFrame& frame);
 
-/// A homography without inliers; its covariance is not known. Empty: none was found.
+/// A homography without inliers; its covariance is not known. Empty: none was found. The sizes are
+/// those of the two images, px; empty: not known.
 HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
-                                  const std::optional<Eigen::Matrix3d>& homography);
+                                  const std::optional<Eigen::Matrix3d>& homography,
+                                  const cv::Size& image, const cv::Size& reference_size);
 /// The homography of the message; empty if none was found.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
+/// The same between images of `size`, px: where the matcher had the images in another size, it is
+/// scaled. A reference that was never of the camera's size keeps its pixels. Throws RefusedImage
+/// where the two sizes have another shape.
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message, const cv::Size& size);
 
 /// Nanoseconds, as in the core.
 std::int64_t stampOf(const ros::Time& time);

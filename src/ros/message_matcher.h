@@ -9,6 +9,12 @@
 
 namespace ktgp_orb {
 
+/// Said where most frames have them (MatchResult::still).
+constexpr const char* kThingsStandStill =
+    "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
+    "a "
+    "part of the vehicle; hide them with mask_image";
+
 /// The sequence matcher with messages in and out, and with the parameters of the node.
 /// An instance belongs to one thread at a time.
 class MessageMatcher {

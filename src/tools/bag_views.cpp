@@ -95,18 +95,27 @@ void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stam
   std::optional<Eigen::Matrix3d> step;
   if (path_.add(stamp, reference, homography) && previous) step = path_.between(*previous, stamp);
   if (options_.whole) {
-    frames_.push_back({stamp, frame.size(), step});
+    frames_.push_back({stamp, frame.size(), step, 0});
     return;
   }
-  waiting_[stamp] = {frame.clone(), step};
+  waiting_[stamp] = {frame.clone(), step, 0};
   stabilizer_.add(stamp, reference, homography, frame.size(), ready_);
   writeReady();
 }
 
+void SteadyVideo::repeat() {
+  if (options_.whole) {
+    if (!frames_.empty()) ++frames_.back().repeats;
+  } else if (!waiting_.empty()) {
+    ++waiting_.rbegin()->second.repeats;
+  } else if (!picture_.empty()) {
+    video_.write(picture_);
+  }
+}
+
 void SteadyVideo::writeReady() {
   for (const SteadyFrame& steady : ready_) {
-    const auto& [frame, step] = waiting_[steady.stamp];
-    write(steady, frame, step);
+    write(steady, waiting_[steady.stamp]);
     waiting_.erase(steady.stamp);
   }
   ready_.clear();
@@ -148,18 +157,17 @@ void SteadyVideo::writeWhole() {
     } catch (const RefusedImage&) {
       continue;
     }
-    write(path[next], frame, frames_[next].step);
+    write(path[next], {frame, frames_[next].step, frames_[next].repeats});
     ++next;
   }
 }
 
-void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
-                        const std::optional<Eigen::Matrix3d>& step) {
+void SteadyVideo::write(const SteadyFrame& steady, const Waiting& frame) {
   const auto start = std::chrono::steady_clock::now();
-  const cv::Mat picture = warped(frame, steady.warp);
+  picture_ = warped(frame.image, steady.warp);
   milliseconds_ += util::millisecondsSince(start);
   ++written_;
-  video_.write(picture);
+  for (int i = 0; i <= frame.repeats; ++i) video_.write(picture_);
   if (!options_.warps.empty()) {
     warps_ += files::CsvRow()
                   .add(textOf(timeOf(steady.stamp)))
@@ -167,15 +175,15 @@ void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
                   .add(steady.warp)
                   .line();
   }
-  if (step && last_ && !steady.starts_anew) {
-    before_.steps.push_back(*step);
-    after_.steps.emplace_back(steady.warp * *step * last_->warp.inverse());
+  if (frame.step && last_ && !steady.starts_anew) {
+    before_.steps.push_back(*frame.step);
+    after_.steps.emplace_back(steady.warp * *frame.step * last_->warp.inverse());
   } else {
     before_.finishPart(size_);
     after_.finishPart(size_);
   }
   last_ = steady;
-  size_ = frame.size();
+  size_ = frame.image.size();
 }
 
 void SteadyVideo::close() {

@@ -56,6 +56,8 @@ class SteadyVideo {
   /// Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
+  /// The image before once more: the video keeps its rate.
+  void repeat();
   /// Completes the files; without images they are not written. Throws FileError.
   void close();
   /// The outcome in a line for users.
@@ -66,6 +68,12 @@ class SteadyVideo {
     std::int64_t stamp = 0;
     cv::Size size;
     std::optional<Eigen::Matrix3d> step;  ///< from the previous frame
+    int repeats = 0;                      ///< of its image
+  };
+  struct Waiting {
+    cv::Mat image;
+    std::optional<Eigen::Matrix3d> step;
+    int repeats = 0;
   };
   /// Mean shake over the parts of the video, px^2.
   struct Shake {
@@ -79,8 +87,7 @@ class SteadyVideo {
   std::vector<SteadyFrame> wholePath() const;
   void writeWhole();
   void writeReady();
-  void write(const SteadyFrame& steady, const cv::Mat& frame,
-             const std::optional<Eigen::Matrix3d>& step);
+  void write(const SteadyFrame& steady, const Waiting& frame);
 
   ViewOptions options_;
   Reopen reopen_;
@@ -91,10 +98,11 @@ class SteadyVideo {
 
   Stabilizer stabilizer_;
   /// Frames whose position is not known yet, and their steps.
-  std::map<std::int64_t, std::pair<cv::Mat, std::optional<Eigen::Matrix3d>>> waiting_;
+  std::map<std::int64_t, Waiting> waiting_;
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;
+  cv::Mat picture_;  // the last one
   cv::Size size_;
   Shake before_;
   Shake after_;
@@ -114,6 +122,10 @@ class BagViews {
 
   /// The next image, with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
+  /// The image before once more.
+  void repeat() {
+    if (steady_) steady_->repeat();
+  }
   /// Completes the files; a file without images is not written. Throws FileError.
   void close();
   /// The outcome in lines for users; empty if nothing was wanted.

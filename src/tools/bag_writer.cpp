@@ -194,12 +194,12 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
     files::throwUnwritable(*csv_file_, "an earlier part of it could not");
 }
 
-void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
+void MatchWriter::writeUnused(const std_msgs::Header& header, const std::string& status,
+                              const std::string& reason) {
   if (csv_ == nullptr) return;
   const std::size_t after_status = countOf(columns()) - 3;
   files::CsvRow row;
-  *csv_
-      << row.add(textOf(header.stamp)).skip(1).add("refused").skip(after_status).add(reason).line();
+  *csv_ << row.add(textOf(header.stamp)).skip(1).add(status).skip(after_status).add(reason).line();
 }
 
 }  // namespace ktgp_orb::tools

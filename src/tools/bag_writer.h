@@ -32,8 +32,9 @@ class MatchWriter {
   /// Null: nothing. `topic`: the whole name.
   void write(const std::string& topic, const TargetDetectionsPtr& detections,
              const ros::Time& time);
-  /// A refused frame has a line only in the table.
-  void writeRefused(const std_msgs::Header& header, const std::string& reason);
+  /// An image that is no frame has a line only in the table; `status`: refused or repeated.
+  void writeUnused(const std_msgs::Header& header, const std::string& status,
+                   const std::string& reason);
 
   /// Completes both files.
   void close();

@@ -140,6 +140,7 @@ class Run {
         progress_(source_->total()),
         view_(configuration.view),
         finds_motions_(configuration.sequence.matcher.geometry != GeometryModel::homography),
+        is_fixed_(configuration.sequence.reference.mode == ReferenceMode::fixed),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished),
         max_age_(configuration.sequence.reference.max_age) {
@@ -225,6 +226,11 @@ class Run {
       others +=
           (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " + toString(status);
     }
+    if (repeated_ > 0) {
+      others += util::format("\n%zu images repeat the one before, and are no new frames",
+                             static_cast<std::size_t>(repeated_));
+    }
+    if (2 * with_still_things_ > found) others += std::string("\n") + kThingsStandStill;
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     others += noteOnGaps();
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
@@ -263,9 +269,18 @@ class Run {
       if (refused_++ == 0) refusal_ = error.what();
       std_msgs::Header header;
       header.stamp = recorded.received;
-      writer_.writeRefused(recorded.image ? recorded.image->header : header, error.what());
+      writer_.writeUnused(recorded.image ? recorded.image->header : header, "refused",
+                          error.what());
     }
     progress_.advance("images");
+  }
+
+  /// The videos keep the rate of the images.
+  void finishRepeated(const std_msgs::Header& header) {
+    ++repeated_;
+    writer_.writeUnused(header, "repeated", "the image before once more");
+    views_.repeat();
+    if (drawing_ && !drawn_.empty()) drawing_->write(drawn_);
   }
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
@@ -273,13 +288,18 @@ class Run {
     auto [frame, ahead] = pipeline_.pop();
     if (!frame->camera) explainNoMotion(frame->image.size());
     MatchedFrame matched = matcher_.process(recorded.image->header, frame, &ahead);
+    if (matched.match.repeated) return finishRepeated(recorded.image->header);
     matched.refused = refused_;
     matched.skipped = skipped;
+    matched.repeated = repeated_;
     FrameMessages messages = toMessages(matched);
     const sensor_msgs::ImagePtr picture =
         draws_overlay_ || drawing_ ? matcher_.overlay(recorded.image) : nullptr;
     if (draws_overlay_) messages.overlay = picture;
-    if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
+    if (drawing_ && picture) {
+      drawn_ = cv_bridge::toCvCopy(picture)->image;
+      drawing_->write(drawn_);
+    }
     writer_.write(messages, recorded.received);
     ++matched_;
     const cv::Size size = frame->image.size();
@@ -289,9 +309,9 @@ class Run {
     const ros::Time& stamp = recorded.image->header.stamp;
     if (matched_ > 1) steps_.push_back((stamp - last_stamp_).toSec());
     last_stamp_ = stamp;
+    if (!is_fixed_ && matched.match.match.hasStillThings()) ++with_still_things_;
     views_.add(recorded.image, *messages.homography);
-    motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
-                                               static_cast<int>(recorded.image->height)));
+    motion_.add(*messages.homography, sizeOf(*recorded.image));
     const TargetDetectionsPtr detections = targets_.find(recorded.image);
     writer_.write(detections_topic_, detections, recorded.received);
   }
@@ -320,11 +340,13 @@ class Run {
   BagTargets targets_;
   std::string detections_topic_;
   std::optional<tools::VideoFile> drawing_;
+  cv::Mat drawn_;  // the newest picture
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
   bool finds_motions_;  // or other geometries, besides homographies
   bool said_no_motion_ = false;
+  bool is_fixed_;
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
@@ -341,8 +363,10 @@ class Run {
   double max_age_;
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
-      waiting_;  // in the pipeline; number skipped before
+      waiting_;                        // in the pipeline; number skipped before
+  std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;
+  std::uint64_t repeated_ = 0;
   std::string refusal_;  // the first reason
 };
 

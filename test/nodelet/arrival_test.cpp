@@ -139,12 +139,24 @@ TEST(ImageStore, KeepsTheNewestOfANumberOfBytesAndCountsTheOthers) {
   EXPECT_EQ(store.put(image(15, 30)), 0U);
 }
 
-TEST(ImageStore, OfTwoImagesWithOneStampKeepsTheNewer) {
+TEST(ImageStore, GivesImagesWithOneStampInTheirOrder) {
   ImageStore store;
   store.put(image(1, 10));
   store.put(image(1, 20));
-  EXPECT_EQ(store.size(), 1U);
-  EXPECT_EQ(store.bytes(), 20U);
+  EXPECT_EQ(store.size(), 2U);
+  EXPECT_EQ(store.take(second(1))->data.size(), 10U);
+  EXPECT_EQ(store.take(second(1))->data.size(), 20U);
+  EXPECT_FALSE(store.has(second(1)));
+  EXPECT_EQ(store.bytes(), 0U);
+}
+
+TEST(ImageStamps, SaysWhichStampIsWrong) {
+  ImageStamps stamps;
+  EXPECT_EQ(stamps.wrongWith(second(0)), ImageStamps::kZero);
+  EXPECT_EQ(stamps.wrongWith(second(5)), nullptr);
+  EXPECT_EQ(stamps.wrongWith(second(5)), ImageStamps::kAgain);
+  EXPECT_EQ(stamps.wrongWith(second(4)), ImageStamps::kBack);
+  EXPECT_EQ(stamps.wrongWith(second(6)), nullptr);
 }
 
 TEST(SequenceNumbers, CountWhatIsBetweenUnlessTheCounterIsAnother) {

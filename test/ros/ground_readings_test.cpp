@@ -116,10 +116,15 @@ struct Stream {
     range.range = 2.F;
     add(stamp, range);
   }
+  static std_msgs::Header image(double stamp) {
+    std_msgs::Header header;
+    header.frame_id = "cam";
+    header.stamp = ros::Time(stamp);
+    return header;
+  }
   GroundFrame frame(double stamp) {
     HomographyStamped homography;
-    homography.header.frame_id = "cam";
-    homography.header.stamp = ros::Time(stamp);
+    homography.header = image(stamp);
     return readings.frameOf(homography, {640, 480}, info, Pixels::raw);
   }
 };
@@ -139,7 +144,7 @@ TEST(GroundReadings, StampsThatJitterLoseNoReading) {
   stream.frame(1.0);
   for (const double stamp : {1.01, 1.02, 1.04, 1.03, 1.07, 1.05})
     stream.addImu(stamp, 100.0 * (stamp - 1.0));
-  EXPECT_TRUE(stream.readings.complete(ros::Time(1.06), "cam"));
+  EXPECT_TRUE(stream.readings.complete(stream.image(1.06)));
   const GroundFrame frame = stream.frame(1.06);
   ASSERT_TRUE(frame.turn);
   EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.06 * 3.0, 1e-6);
@@ -148,11 +153,69 @@ TEST(GroundReadings, StampsThatJitterLoseNoReading) {
 TEST(GroundReadings, AClockThatGoesBackBeginsAnew) {
   Stream stream;
   stream.addImu(1000.0, 1.0);
+  stream.addImu(0.8, 2.0);
   stream.addImu(1.0, 2.0);
   stream.frame(0.9);
   const GroundFrame frame = stream.frame(1.1);
   ASSERT_TRUE(frame.turn);
   EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.4, 1e-6);
+}
+
+TEST(GroundReadings, ASingleWrongStampLosesNoReading) {
+  for (const double wrong : {0.0, 0.02, 1.9, 5.0, 1e6}) {
+    Stream stream;
+    stream.addImu(1.99, 9.0);
+    stream.frame(2.0);
+    for (const double stamp : {2.01, 2.02, 2.03}) {
+      stream.addImu(stamp, 3.0);
+      if (stamp == 2.02) stream.addImu(wrong, 3.0);
+    }
+    EXPECT_FALSE(stream.readings.complete(stream.image(2.05))) << wrong;
+    for (const double stamp : {2.04, 2.05, 2.06}) stream.addImu(stamp, 3.0);
+    EXPECT_TRUE(stream.readings.complete(stream.image(2.05))) << wrong;
+    const GroundFrame frame = stream.frame(2.05);
+    ASSERT_TRUE(frame.turn) << wrong;
+    EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.05 * 3.0, 1e-6) << wrong;
+  }
+}
+
+// A gimbal, or a joint_state_publisher: the transform after the image comes later than its match.
+TEST(GroundReadings, WaitsForEachTransformThatAnImageNeeds) {
+  struct Case {
+    const char* base_frame;
+    const char* height_source;
+    const char* normal_source;
+    const char* moving;  // the frame that tf moves
+  };
+  for (const Case& each :
+       {Case{"base", "parameter", "down", "base"}, Case{"", "range", "down", "sonar"},
+        Case{"", "parameter", "imu", "imu"}, Case{"", "tf_height", "down", "ground"},
+        Case{"", "parameter", "tf_normal", "ground"}}) {
+    Stream stream;
+    GroundMotionConfig config = groundMotionDefaults();
+    config.base_frame = each.base_frame;
+    config.height_source = each.height_source;
+    config.normal_source = each.normal_source;
+    stream.readings.configure(config, "/range", "/imu");
+    sensor_msgs::Range range;
+    range.header.frame_id = "sonar";
+    sensor_msgs::Imu imu;
+    imu.header.frame_id = "imu";
+    range.header.stamp = imu.header.stamp = ros::Time(1.03);
+    stream.readings.add(range);
+    stream.readings.add(imu);
+    const auto send = [&](double stamp) {
+      geometry_msgs::TransformStamped transform;
+      transform.header = Stream::image(stamp);
+      transform.child_frame_id = each.moving;
+      transform.transform.rotation.w = 1.0;
+      stream.tf.setTransform(transform, "test");
+    };
+    send(1.0);
+    EXPECT_FALSE(stream.readings.complete(Stream::image(1.02))) << each.moving;
+    send(1.05);
+    EXPECT_TRUE(stream.readings.complete(Stream::image(1.02))) << each.moving;
+  }
 }
 
 TEST(GroundReadings, ARangeCountsOnceAndOnlyWhereItWasUsed) {
