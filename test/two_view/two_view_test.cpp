@@ -988,7 +988,7 @@ TEST(TwoViewOfMatcher, NothingInCommonGivesNone) {
   const FramePair frames(texture(6), texture(7));
   const MatchResult result = matched(frames, withCamera());
   EXPECT_EQ(result.geometry, Geometry::none);
-  EXPECT_NE(result.found(), Status::ok);
+  EXPECT_NE(result.status, Status::ok);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::none);
   const FramePair empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
