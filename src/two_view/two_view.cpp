@@ -326,7 +326,7 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
   });
   const double area = (x[last] - x[first]) * (y[last] - y[first]);
   const double moving = static_cast<double>(last - first + 1);
-  return area < kLargest * homography::coveredArea(pairs.reference) &&
+  return area < kLargest * estimation::coveredArea(pairs.reference) &&
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
