@@ -299,7 +299,7 @@ cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed
   picture.convertTo(source, CV_32F);
   const double middle = 0.5 * (kFiner - 1.0);
   const Eigen::Matrix3d finer = test::cameraMatrix(kFiner, kFiner, middle, middle);
-  return test::withNoise(tools::renderView(source, finer * homography.inverse(), kImage), 2.0,
+  return test::withNoise(evaluation::renderView(source, finer * homography.inverse(), kImage), 2.0,
                          static_cast<std::uint64_t>(seed));
 }
 
