@@ -44,6 +44,7 @@ class Hypotheses {
   void refine();
   /// Puts motions before the others, as they are; they win where the others are not better.
   void prefer(const std::vector<RelativePose>& motions);
+  void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }
   /// Effective difference of log-likelihood between two motions; positive: a is better.
   double difference(const Hypothesis& a, const Hypothesis& b) const;

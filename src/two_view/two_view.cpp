@@ -8,7 +8,6 @@
 #include "estimation/prosac.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
-#include "homography/verdict.h"
 #include "two_view/cameras.h"
 #include "two_view/epipolar.h"
 #include "two_view/hypotheses.h"
@@ -120,6 +119,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   judgeHomography(pairs, input);
   log_epipolar = 0.0;
   planes.clear();
+  hypotheses.clear();
   if (pairs.size() > (cameras ? 5U : 7U)) {
     order.sort(pairs.quality);
     normalised.load(pairs, order, kSampsonShare * options.max_error, cameras, input.deviations);
