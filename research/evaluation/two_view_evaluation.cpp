@@ -80,24 +80,32 @@ double degrees(double radians) {
   return radians * 180.0 / CV_PI;
 }
 
-/// Larger of the two errors, degrees.
+/// Larger of the two errors, degrees; the sign of the translation counts. Where the camera only
+/// turned, the error of the rotation.
 double poseError(const PosePair& truth, const RelativePose& found) {
   const double turn = Eigen::AngleAxisd(found.rotation * truth.rotation.transpose()).angle();
+  if (truth.translation.isZero(0.0)) return degrees(std::abs(turn));
   const double cosine = found.translation.normalized().dot(truth.translation);
   return degrees(std::max(std::abs(turn), std::acos(std::clamp(cosine, -1.0, 1.0))));
 }
 
-/// Squared error of the five parameters over their covariance.
+/// Squared error of the motion over its covariance: of the five parameters, or of the three of the
+/// rotation where the camera only turned.
 double normalisedError(const PosePair& truth, const RelativePose& found,
                        const Covariance6& covariance) {
-  Eigen::Matrix<double, 6, 1> error;
+  using Six = Eigen::Matrix<double, 6, 1>;
   const Eigen::AngleAxisd turn(truth.rotation * found.rotation.transpose());
-  error << truth.translation - found.translation, turn.angle() * turn.axis();
+  const Eigen::Vector3d turn_error = turn.angle() * turn.axis();
   const Eigen::Matrix<double, 6, 6> spread = covariance;
+  if (truth.translation.isZero(0.0)) {
+    return turn_error.dot(spread.bottomRightCorner<3, 3>().ldlt().solve(turn_error));
+  }
+  Six error;
+  error << truth.translation - found.translation, turn_error;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(spread);
-  const Eigen::Matrix<double, 6, 1> parts = solver.eigenvectors().transpose() * error;
+  const Six parts = solver.eigenvectors().transpose() * error;
   double sum = 0.0;
-  for (int i = 1; i < 6; ++i) sum += parts[i] * parts[i] / solver.eigenvalues()[i];
+  for (int i = 1; i < 6; ++i) sum += parts[i] * parts[i] / std::max(solver.eigenvalues()[i], 1e-30);
   return sum;
 }
 
@@ -226,10 +234,16 @@ Run ours(const MatcherOptions& options) {
     score.error = std::numeric_limits<double>::infinity();
     score.found = view.geometry != Geometry::none;
     score.geometry = toString(result->geometry);
-    const bool moved = score.found && view.pose.translation.norm() > 0.5;
-    if (moved) score.error = poseError(pair, view.pose);
-    if (moved && view.pose_covariance.allFinite()) {
-      score.normalised = normalisedError(pair, view.pose, view.pose_covariance);
+    score.doubt = toString(view.doubt);
+    const bool turned = pair.translation.isZero(0.0);
+    if (score.found && (turned || view.pose.translation.norm() > 0.5)) {
+      score.error = poseError(pair, view.pose);
+      if (view.pose_covariance.allFinite()) {
+        score.normalised = normalisedError(pair, view.pose, view.pose_covariance);
+        score.deviation =
+            degrees(std::sqrt(std::max(view.pose_covariance.topLeftCorner<3, 3>().trace(),
+                                       view.pose_covariance.bottomRightCorner<3, 3>().trace())));
+      }
     }
     scoreMatches(pair, candidatesOf(scene, result->correspondences, Level::ktg, Level::ktgp),
                  score);
@@ -253,7 +267,9 @@ Run chainAndMagsac(const MatcherOptions& options, Level least) {
   };
 }
 
-Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double threshold) {
+/// `shift`: px that the detector's points lie too far right and down.
+Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double threshold,
+           float shift = 0.F) {
   const cv::Ptr<cv::Feature2D> detector = make();
   return [=](const PosePair& pair, const Scene& scene) {
     PoseScore score;
@@ -261,6 +277,9 @@ Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double
     cv::Mat descriptors[2];
     detector->detectAndCompute(scene.reference_image, cv::noArray(), keypoints[0], descriptors[0]);
     detector->detectAndCompute(scene.target_image, cv::noArray(), keypoints[1], descriptors[1]);
+    for (auto& points : keypoints) {
+      for (cv::KeyPoint& point : points) point.pt -= cv::Point2f(shift, shift);
+    }
     const auto start = Clock::now();
     Candidates candidates =
         matchByOpenCv(keypoints[0], descriptors[0], keypoints[1], descriptors[1], norm, threshold);
@@ -274,6 +293,7 @@ Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double
 std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> methods() {
   constexpr int kSift = 4000;
   constexpr double kRatio = 0.8;
+  constexpr float kSiftShift = 0.25F;  // px, see opencv/opencv issue 23123
   return {
     {"SLAM",
      [](const PipelineOptions& options) {
@@ -298,11 +318,13 @@ std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> 
          }},
 #if KTGP_ORB_HAVE_MAGSAC
         {"SIFT+MAGSAC++", [](const PipelineOptions&) {
-           return openCv([] { return cv::SIFT::create(kSift); }, cv::NORM_L2, kRatio);
+           return openCv([] { return cv::SIFT::create(kSift); }, cv::NORM_L2, kRatio, kSiftShift);
          }},
 #endif
   };
 }
+
+constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
 
 double share(std::size_t count, std::size_t of) {
   return of > 0 ? 100.0 * static_cast<double>(count) / static_cast<double>(of) : 0.0;
@@ -310,7 +332,6 @@ double share(std::size_t count, std::size_t of) {
 
 std::string row(const std::string& set, const std::string& method,
                 const std::vector<PoseScore>& scores) {
-  constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
   std::vector<double> errors;
   std::vector<double> times;
   std::vector<double> estimations;
@@ -347,6 +368,25 @@ std::string row(const std::string& set, const std::string& method,
          format("  %7.1f %7.1f\n", evaluation::median(times), evaluation::median(estimations));
 }
 
+/// The pairs whose motion is wrong although its covariance excludes the truth, one in a line.
+std::string wrongAndCertain(const std::vector<PosePair>& pairs,
+                            const std::vector<std::vector<PoseScore>>& scores,
+                            const std::vector<std::string>& methods) {
+  constexpr double kWrong = 5.0;  // degrees
+  std::string out;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    for (std::size_t m = 0; m < scores[i].size(); ++m) {
+      const PoseScore& score = scores[i][m];
+      if (!score.found || !(score.error > kWrong) || !score.normalised) continue;
+      if (*score.normalised < kBound) continue;
+      out += format("%s %s, %s: %s, error %.1f degrees, deviation %.2f, doubt %s\n",
+                    pairs[i].set.c_str(), pairs[i].name.c_str(), methods[m].c_str(),
+                    score.geometry.c_str(), score.error, score.deviation, score.doubt.c_str());
+    }
+  }
+  return out.empty() ? out : "\nwrong by more than 5 degrees, and certain (beyond 99.9 %):\n" + out;
+}
+
 }  // namespace
 
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart) {
@@ -355,21 +395,40 @@ std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector
   const std::vector<CameraRow> rows = readCameras(cameras);
   const std::string set = fs::canonical(folder).filename().string();
   std::vector<PosePair> pairs;
+  const auto add = [&](std::size_t i, std::size_t j, const std::string& name) {
+    const CameraRow& a = rows[i];
+    const CameraRow& b = rows[j];
+    PosePair pair;
+    pair.set = name;
+    pair.name = a.file + " " + b.file;
+    pair.cameras = cameras;
+    pair.reference = folder + "/" + a.file;
+    pair.target = folder + "/" + b.file;
+    pair.reference_camera = a.k;
+    pair.target_camera = b.k;
+    pair.rotation = b.rotation * a.rotation.transpose();
+    pair.translation = b.translation - pair.rotation * a.translation;
+    const double length = pair.translation.norm();
+    pair.translation = length > 1e-9 ? Eigen::Vector3d(pair.translation / length)
+                                     : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    pairs.push_back(pair);
+  };
+  const std::string list = folder + "/pairs.txt";
+  if (fs::exists(list)) {
+    std::ifstream in(list);
+    for (std::size_t i = 0, j = 0; in >> i >> j;) {
+      if (std::max(i, j) >= rows.size()) {
+        throw files::FileError(list, "has a row number beyond the rows of cameras.txt");
+      }
+      add(i, j, set);
+    }
+    if (!in.eof()) throw files::FileError(list, "has a row that is not two row numbers");
+    return pairs;
+  }
   for (const int distance : apart) {
-    for (std::size_t i = 0; i + static_cast<std::size_t>(distance) < rows.size(); ++i) {
-      const CameraRow& a = rows[i];
-      const CameraRow& b = rows[i + static_cast<std::size_t>(distance)];
-      PosePair pair;
-      pair.set = set + ", " + std::to_string(distance) + " apart";
-      pair.name = a.file + " " + b.file;
-      pair.cameras = cameras;
-      pair.reference = folder + "/" + a.file;
-      pair.target = folder + "/" + b.file;
-      pair.reference_camera = a.k;
-      pair.target_camera = b.k;
-      pair.rotation = b.rotation * a.rotation.transpose();
-      pair.translation = (b.translation - pair.rotation * a.translation).normalized();
-      pairs.push_back(pair);
+    const auto step = static_cast<std::size_t>(distance);
+    for (std::size_t i = 0; i + step < rows.size(); ++i) {
+      add(i, i + step, set + ", " + std::to_string(distance) + " apart");
     }
   }
   return pairs;
@@ -427,21 +486,23 @@ std::string toTable(const std::vector<PosePair>& pairs,
       out += row(set, methods[m], of_set);
     }
   }
-  return out;
+  return out + wrongAndCertain(pairs, scores, methods);
 }
 
 std::string toCsv(const std::vector<PosePair>& pairs,
                   const std::vector<std::vector<PoseScore>>& scores,
                   const std::vector<std::string>& methods) {
   std::string out =
-      "set,pair,method,found,geometry,error,matches,kept,precision,normalised,milliseconds,"
+      "set,pair,method,found,geometry,error,deviation,doubt,matches,kept,precision,normalised,"
+      "milliseconds,"
       "estimation_milliseconds\n";
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     for (std::size_t m = 0; m < scores[i].size(); ++m) {
       const PoseScore& score = scores[i][m];
       files::CsvRow row;
       row.add(pairs[i].set).add(pairs[i].name).add(methods[m]).add(score.found ? 1 : 0);
-      row.add(score.geometry).add(score.error, 6).add(score.matches).add(score.kept, 4);
+      row.add(score.geometry).add(score.error, 6).add(score.deviation, 4).add(score.doubt);
+      row.add(score.matches).add(score.kept, 4);
       row.add(score.precision, 4);
       row.add(score.normalised.value_or(std::numeric_limits<double>::quiet_NaN()), 5);
       row.add(score.milliseconds, 4).add(score.estimation_milliseconds, 4);

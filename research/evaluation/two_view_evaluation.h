@@ -29,11 +29,12 @@ struct PosePair {
   Eigen::Matrix3d reference_camera;  ///< K, px
   Eigen::Matrix3d target_camera;
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< unit vector
+  Eigen::Vector3d translation;  ///< of length 1; zero where the camera only turned
 };
 
-/// The images of `folder` that are `apart` rows from each other in its cameras.txt: one row per
-/// image, `file fx fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError.
+/// The pairs of row numbers in pairs.txt of `folder`, from 0; without that file, the images that
+/// are `apart` rows from each other in its cameras.txt: one row per image, `file fx fy cx cy R11
+/// R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError.
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart);
 
 /// The result of one method for one pair.
@@ -49,6 +50,9 @@ struct PoseScore {
   double precision = 0.0;                ///< share of the final matches that are right
   /// Share of the right matches before the geometry that are among the final ones.
   double kept = 0.0;
+  /// The larger one of the rotation and of the direction, degrees, of the answer's covariance.
+  double deviation = 0.0;
+  std::string doubt;                 ///< see Doubt; peers: empty
   std::optional<double> normalised;  ///< squared error over its covariance, 5 degrees of freedom
 };
 
