@@ -281,6 +281,15 @@ class KtgpEvaluate(ToolCase):
         self.evaluate("--two-view", "bad", "--methods", "MAGIC", code=2,
                       words="there is no method MAGIC of two views; expected one of SLAM")
 
+    def test_pairs_that_cannot_be_are_named(self):
+        (self.folder / "bad").mkdir()
+        row = " 100 100 5 5 1 0 0 0 1 0 0 0 1 0 0 0\n"
+        self.write("bad/cameras.txt", "a.png" + row + "b.png" + row)
+        self.write("bad/pairs.txt", "0 2\n")
+        self.evaluate("--two-view", "bad", code=1, words="has a row number beyond the rows of cameras.txt")
+        self.write("bad/pairs.txt", "0 one\n")
+        self.evaluate("--two-view", "bad", code=1, words="has a row that is not two row numbers")
+
     def test_tiny_warps_are_those_of_a_slow_camera(self):
         """Of them KTGP+ALIGN measures hundredths of a pixel, where keypoints alone are tenths off."""
         _, rows = self.warps("tiny", "data/first/img1.pgm", "--methods", "KTGP,KTGP+ALIGN")
