@@ -8,6 +8,7 @@
 #include "estimation/prosac.h"
 #include "homography/smooth_field.h"
 #include "homography/transform.h"
+#include "homography/verdict.h"
 #include "two_view/cameras.h"
 #include "two_view/epipolar.h"
 #include "two_view/hypotheses.h"
