@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "estimation/prosac.h"
+#include "homography/part_in_view.h"
 #include "homography/point_pairs.h"
 #include "homography/reprojection_fit.h"
 #include "homography/smooth_field.h"
-#include "homography/part_in_view.h"
 #include "homography/verdict.h"
 #include "synthetic_pairs.h"
 
@@ -313,6 +313,7 @@ TEST(HomographyVerdict, TrustsAPlaneThatIsSeenInPartByItsInliersAlone) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   h(2, 1) = -1.0 / 300.0;  // all above y = 300 is in front
   HomographyVerdict verdict;
+  ProsacResult labelled;
   for (const std::size_t inliers : {6U, 40U}) {
     PointPairs pairs;
     for (std::size_t i = 0; i < 80; ++i) {
@@ -322,7 +323,7 @@ TEST(HomographyVerdict, TrustsAPlaneThatIsSeenInPartByItsInliersAlone) {
                 0.5);
     }
     for (const double sign : {1.0, -1.0}) {
-      EXPECT_EQ(verdict.trusts(sign * h, pairs, kSize, 3.0), inliers == 40U) << inliers;
+      EXPECT_EQ(verdict.trusts({sign * h}, pairs, kSize, 3.0, labelled), inliers == 40U) << inliers;
     }
     // Behind the horizon, the same pairs support nothing.
     PointPairs behind;
@@ -330,7 +331,7 @@ TEST(HomographyVerdict, TrustsAPlaneThatIsSeenInPartByItsInliersAlone) {
       const Eigen::Vector2d x(numbers.uniform(0.0, 640.0), numbers.uniform(350.0, 480.0));
       behind.add(x, apply(h, x), 0.5);
     }
-    EXPECT_FALSE(verdict.trusts(h, behind, kSize, 3.0));
+    EXPECT_FALSE(verdict.trusts({h}, behind, kSize, 3.0, labelled));
   }
 }
 
