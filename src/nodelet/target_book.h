@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "files/output_file.h"
-#include "ktgp_orb/target_finder.h"
 #include "files/target_list.h"
+#include "ktgp_orb/target_finder.h"
 
 namespace ktgp_orb {
 
