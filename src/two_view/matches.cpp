@@ -10,9 +10,11 @@ namespace ktgp_orb {
 namespace {
 
 constexpr double kReach = 4.0;  // px
-/// Deviation of a keypoint over that of an aligned one: 0.85 and 0.25 px from the true epipolar
-/// lines, medians over 20 sets of real and drawn scenes.
-constexpr double kKeypointDeviation = 3.4;
+/// Deviation of a keypoint over that of an aligned one. The distances from the true epipolar lines
+/// have a scale of 0.85 and 0.25 px (medians over 20 sets of real and drawn scenes). But keypoints
+/// near a line are partly those that happen to be, which draws the fit to where it began: with the
+/// square of the ratio the motions of twelve sets are the most accurate (of 1, 3.4, 6 and 12).
+constexpr double kKeypointDeviation = 12.0;
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 
 }  // namespace
