@@ -385,25 +385,6 @@ std::string wrongAndCertain(const std::vector<PosePair>& pairs,
   return out.empty() ? out : "\nwrong by more than 5 degrees, and certain (beyond 99.9 %):\n" + out;
 }
 
-/// The pairs whose motion is wrong although its covariance excludes the truth, one in a line.
-std::string wrongAndCertain(const std::vector<PosePair>& pairs,
-                            const std::vector<std::vector<PoseScore>>& scores,
-                            const std::vector<std::string>& methods) {
-  constexpr double kWrong = 5.0;  // degrees
-  std::string out;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    for (std::size_t m = 0; m < scores[i].size(); ++m) {
-      const PoseScore& score = scores[i][m];
-      if (!score.found || !(score.error > kWrong) || !score.normalised) continue;
-      if (*score.normalised < kBound) continue;
-      out += format("%s %s, %s: %s, error %.1f degrees, deviation %.2f, doubt %s\n",
-                    pairs[i].set.c_str(), pairs[i].name.c_str(), methods[m].c_str(),
-                    score.geometry.c_str(), score.error, score.deviation, score.doubt.c_str());
-    }
-  }
-  return out.empty() ? out : "\nwrong by more than 5 degrees, and certain (beyond 99.9 %):\n" + out;
-}
-
 }  // namespace
 
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart) {
