@@ -36,8 +36,9 @@ double cornerError(const AlignmentResult& result, const Eigen::Matrix3d& truth) 
 }
 
 AlignmentResult align(const AlignmentScene& scene, const Eigen::Matrix3d& start,
-                      const AlignmentOptions& options = {}) {
-  Alignment alignment(options);
+                      const AlignmentOptions& options = {},
+                      double max_error = ProsacOptions().max_error) {
+  Alignment alignment(options, max_error);
   AlignmentResult result;
   alignment.align(scene.reference, scene.target, scene.matches, test::uncertain(start), result);
   return result;
@@ -133,7 +134,7 @@ TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
   const Eigen::Matrix3d start = translation(1.5, 0.0);
   const auto status = [&](double max_error, const cv::Size& size) {
     const auto shade = [](double grey) { return grey; };
-    return align(planeScene(2, translation(0.0, 0.0), shade, size), start, options).status;
+    return align(planeScene(2, translation(0.0, 0.0), shade, size), start, {}, max_error).status;
   };
   EXPECT_EQ(status(1.0, {640, 480}), AlignmentStatus::ok);
   EXPECT_EQ(status(0.5, {640, 480}), AlignmentStatus::not_better);
