@@ -117,6 +117,9 @@ struct Mosaic::Impl {
   std::optional<Eigen::Vector2d> velocity;  // of its middle, px of the map a ns
   std::optional<Eigen::Matrix3d> pose;      // of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
+  std::int64_t followed = 0;                            // stamp of the newest homography
+  std::int64_t interval = 0;                            // ns between two homographies
+  std::int64_t after_gap = 0;                           // stamp of the last one that came late
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
   int lost_frames = 0;  // since then
@@ -179,6 +182,16 @@ struct Mosaic::Impl {
     return homography::project(from_map.inverse(), middle());
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
+
+  /// A homography that comes much later than the ones before may lead over several periods.
+  void noteGap(std::int64_t stamp) {
+    constexpr std::int64_t kLate = 3;  // intervals
+    const std::int64_t passed = stamp - followed;
+    const bool is_late = interval > 0 && passed > kPredictable && passed > kLate * interval;
+    if (is_late) after_gap = stamp;
+    if (!is_late) interval = followed == 0 ? 0 : passed;
+    followed = stamp;
+  }
 
   bool isPredictable(std::int64_t stamp) const {
     return velocity && stamp - last_stamp < kPredictable;
@@ -289,7 +302,8 @@ struct Mosaic::Impl {
     if (!last) return lose(stamp, LostBecause::unmatched);
     const bool is_zoomed = expected && !isDrawable(size, *expected);
     if (is_zoomed) expected.reset();
-    const bool is_known = expected || isPredictable(stamp);
+    const bool leads_over_gap = last_stamp < after_gap;
+    const bool is_known = (expected && !leads_over_gap) || isPredictable(stamp);
     if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
       return lose(stamp, LostBecause::repeats);
     }
@@ -343,6 +357,7 @@ void Mosaic::setOptions(const MosaicOptions& options) {
 void Mosaic::follow(std::int64_t stamp, std::int64_t reference_stamp,
                     const std::optional<Eigen::Matrix3d>& homography) {
   impl_->path.add(stamp, reference_stamp, homography);
+  impl_->noteGap(stamp);
 }
 
 Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
