@@ -97,10 +97,10 @@ TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
   UncertainHomography h{kShifted};
   std::vector<Correspondence> matches;
   GuidedMatcher matcher(switchedOn());
-  EXPECT_FALSE(matcher.refine(few, few, 3.0, h, matches));
+  EXPECT_FALSE(matcher.refine(few, few, 3.0, false, h, matches));
   EXPECT_EQ(h.homography, kShifted);
   EXPECT_TRUE(h.covariance.isZero());
-  EXPECT_TRUE(matcher.refine(many, many, 3.0, h, matches));
+  EXPECT_TRUE(matcher.refine(many, many, 3.0, false, h, matches));
   EXPECT_EQ(matches.size(), 50u);
   EXPECT_LT((h.homography - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
 }
@@ -113,7 +113,7 @@ TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
   matcher.match(features, features, h.homography, matches);
   EXPECT_TRUE(matches.empty());
   matches.resize(3);
-  EXPECT_FALSE(matcher.refine(features, features, 3.0, h, matches));
+  EXPECT_FALSE(matcher.refine(features, features, 3.0, false, h, matches));
   EXPECT_TRUE(matches.empty());
   EXPECT_EQ(h.homography, kShifted);
   EXPECT_TRUE(h.covariance.isZero());
