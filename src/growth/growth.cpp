@@ -13,6 +13,7 @@
 #include "growth/verdict.h"
 #include "growth/votes.h"
 #include "homography/fit.h"
+#include "homography/transform.h"
 #include "homography/verdict.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "util/keypoint_position.h"
@@ -34,9 +35,24 @@ struct Seed {
 
 /// What the nearest neighbours in the whole image say of a hypothesis; see ShiftVotes.
 struct Standing {
+  bool is_known = false;  ///< false: the views differ too much for nearest neighbours
   double share = 0.0;
   bool is_rivalled = false;
 };
+
+/// Whether keypoints have their nearest neighbours at the places of `map`: ORB's descriptors bear a
+/// change of scale, and a tilt, of a factor of about two.
+bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
+  constexpr double kMost = 2.0;
+  const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
+  const Eigen::Matrix2d local = homography::jacobianByPoint(map, centre);
+  const double squares = 0.5 * local.squaredNorm();
+  const double root =
+      std::sqrt(std::max(squares * squares - std::pow(local.determinant(), 2), 0.0));
+  const double largest = std::sqrt(squares + root);
+  const double smallest = std::abs(local.determinant()) / largest;
+  return largest < kMost * std::min(smallest, 1.0) && kMost * smallest > 1.0;
+}
 
 bool isAccepted(const Grown& grown) {
   return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
@@ -207,9 +223,12 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   kept.pairs = grower.pairs();
   kept.repeats = verdict.repeats();
   kept.grew_from_repeats = false;
-  shifts.count(map, mutual, matcher.imageSize());
   standing.resize(grown.size());
-  standing[grown_count - 1] = {shifts.own().share(), shifts.isRivalled()};
+  growth::Standing& stands = standing[grown_count - 1];
+  stands = {};
+  if (!growth::keepsNeighbours(map, image_size)) return;
+  shifts.count(map, mutual, matcher.imageSize());
+  stands = {true, shifts.own().share(), shifts.isRivalled()};
 }
 
 /// The most significant hypothesis first.
@@ -262,11 +281,12 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   }
 }
 
-/// Whether `other` could be right instead of `one`: it sees the same elsewhere, with as many
-/// matches, and with at least half the share of the nearest neighbours in the whole image.
+/// Whether `other` could be right instead of `one`: it sees the same elsewhere, and has at least
+/// half the share of the nearest neighbours in the whole image where these tell.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
-  return other != one && kClear * standing[other].share > standing[one].share &&
+  const bool tells = standing[other].is_known && standing[one].is_known;
+  return other != one && (!tells || kClear * standing[other].share > standing[one].share) &&
          growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered);
 }
 
