@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -308,6 +309,10 @@ std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::siz
   problem_.precision.resize(problem_.points.size);
   for (std::size_t i = 0; i < size && n < most; ++i) {
     if (near_[i] == 0) continue;
+    if (left_out_ >= 0 && group_[i] == left_out_) {
+      near_[i] = 0;
+      continue;
+    }
     if (pairs.calibrated() &&
         pairs.distance(geometry, i) * pairs.precision[i] > std::max(reach, kBehind * scale())) {
       near_[i] = 0;
@@ -346,6 +351,31 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
     if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined) return false;
   }
   return true;
+}
+
+/// With a quarter of the cells left out in turn, the mean squared change over what `covariance`
+/// lets expect (the jackknife over groups).
+double EpipolarFit::instability(const Epipolar& geometry, double cell,
+                                const Covariance6& covariance) {
+  constexpr int kGroups = 4;
+  constexpr std::size_t kColumns = homography::PointArrays<double>::kCellColumns;
+  constexpr double kLost = 25.0;  // squared deviations, where the rest does not determine a motion
+  const Eigen::Matrix<double, 6, 6> inverse =
+      Eigen::Matrix<double, 6, 6>(covariance).completeOrthogonalDecomposition().pseudoInverse();
+  problem_.pairs->refinement.findCells(2.0 * cell, cell_);
+  group_.resize(cell_.size());
+  for (std::size_t i = 0; i < cell_.size(); ++i) {
+    group_[i] = static_cast<int>(cell_[i] % kColumns % 2 + 2 * (cell_[i] / kColumns % 2));
+  }
+  double sum = 0.0;
+  for (left_out_ = 0; left_out_ < kGroups; ++left_out_) {
+    Epipolar part = geometry;
+    const bool found = minimise(part);
+    const Eigen::Matrix<double, 6, 1> step = stepBetween(geometry.motion, part.motion);
+    sum += found ? step.dot(inverse * step) : kLost;
+  }
+  left_out_ = -1;
+  return sum * (kGroups - 1) / (kGroups * static_cast<double>(problem_.pairs->freedom()));
 }
 
 estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell,

@@ -127,6 +127,10 @@ class EpipolarFit {
   /// of errors that vary linearly over the image, normalised units. Infinite where it is not known.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
+  /// By which factor the motion depends more on which part of the image it is fitted to than
+  /// `covariance` lets expect. Changes the state that minimise() left.
+  double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
+
   /// After minimise(): scale of the Sampson distances of pairs with the deviation 1, normalised
   /// units.
   double scale() const { return fit_.weights().scale(); }
@@ -140,6 +144,8 @@ class EpipolarFit {
   std::vector<std::uint8_t> used_;
   std::vector<std::size_t> cell_;  // of each selected pair
   estimation::ClusteredMeat clusters_;
+  std::vector<int> group_;  // of each pair, for the jackknife
+  int left_out_ = -1;       // group; -1: none
 };
 
 /// Sum of the squared Sampson distances, none above the limit; incomplete above `give_up`.

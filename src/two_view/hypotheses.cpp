@@ -94,19 +94,25 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
   std::swap(others, list_);
   for (const RelativePose& motion : motions) {
     list_.push_back({pairs_->fromMotion(motion)});
+    setGains(list_.back());
   }
-  for (Hypothesis& other : others) {
-    if (!isKnown(other.geometry)) list_.push_back(std::move(other));
-  }
-  for (Hypothesis& h : list_) setGains(h);
   judge();
+  // A free fit always agrees a little better.
+  if (!others.empty() && !isKnown(others.front().geometry)) {
+    const double lead = difference(others.front(), list_.front());
+    others.front().probability = std::exp(std::min(lead, 0.0)) * list_.front().probability;
+    list_.push_back(std::move(others.front()));
+  }
+  double all = 0.0;
+  for (const Hypothesis& h : list_) all += h.probability;
+  for (Hypothesis& h : list_) h.probability /= all;
 }
 
 /// The sign of a translation is in the chirality alone, so both signs of each are judged.
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;      // fits
   constexpr float kMostCost = 2.0F;     // of the best start
-  constexpr double kLeastScale = 0.02;  // limits
+  constexpr double kLeastScale = 0.07;  // limits, 0.1 px: smooth errors, which no scale shows
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   double least = pairs_->limit;
@@ -127,8 +133,8 @@ void Hypotheses::refine() {
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   constexpr double kMostOfACell = 2.0;  // one cell: a probability of 0.12 for the other
-  constexpr double kIndifferent = 1.0;
-  constexpr double kOnPlane = 3.0;  // deviations
+  constexpr double kIndifferent = 3.0;  // what noise of three deviations makes
+  constexpr double kOnPlane = 3.0;      // deviations
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;

@@ -42,7 +42,8 @@ class Hypotheses {
   void start(const RelativePose& motion);
   /// Fits the best starts, and orders the different motions among them, best first.
   void refine();
-  /// Puts motions before the others, as they are; they win where the others are not better.
+  /// Judges these motions, as they are; the best of the others stays as a rival of the same
+  /// probability at most.
   void prefer(const std::vector<RelativePose>& motions);
   void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }

@@ -95,6 +95,7 @@ struct TwoViewEstimator::Impl {
   std::vector<double> chance;  // of each pair; more than 1: it does not agree
   std::vector<two_view::Displacement> displaced;
   std::vector<double> angles;
+  double fitted_scale = 0.0;  // of the motion whose covariance was asked for, px
   double target_area = 0.0;
 };
 
@@ -407,7 +408,11 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
     if (covariance.allFinite() &&
         covariance.topLeftCorner<3, 3>().trace() < kMostTurn * kMostTurn &&
         covariance.bottomRightCorner<2, 2>().trace() < kMostAcross * kMostAcross) {
-      return two_view::poseCovariance(covariance, pose.translation);
+      const Covariance6 own = two_view::poseCovariance(covariance, pose.translation);
+      const double scale = fit.scale();
+      const double factor = fit.instability(geometry, cellOf(pairs, input), own);
+      fitted_scale = scale / normalised.scale();
+      return std::max(factor, 1.0) * own;
     }
   }
   return Covariance6::Constant(kNaN);
@@ -418,14 +423,14 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.1;   // weight in the covariance: a probability is not known better
+  constexpr double kLeast = 0.2;   // weight in the covariance: a probability is not known better
   constexpr double kApart = 25.0;  // squared deviations; nearer ones belong to the same motion
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
   const Covariance6 own = covarianceOf(best, pairs, input);
   if (!own.allFinite()) return false;
   result.geometry = planar(best) != nullptr ? Geometry::plane : Geometry::epipolar;
-  result.scale = planar(best) != nullptr ? 0.0 : fit.scale() / normalised.scale();
+  result.scale = planar(best) != nullptr ? 0.0 : fitted_scale;
   result.pose = best;
   result.pose_covariance = own;
   result.fundamental = cameras->fundamentalOf(best).normalized();
@@ -438,6 +443,12 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Eigen::Matrix<double, 6, 1> step = two_view::stepBetween(best, pose);
     if (!(probability > kExcluded) || step.dot(inverse * step) < kApart) continue;
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
+    // A difference of directions is shorter than the arc.
+    const double angle = step.head<3>().norm();
+    const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
+    if (angle > 0.0) {
+      result.pose_covariance.topLeftCorner<3, 3>() += sideways * sideways.transpose();
+    }
     if (result.other) continue;
     result.probability = list.front().probability / (list.front().probability + probability);
     result.other = OtherMotion{planar(pose) != nullptr ? Geometry::plane : Geometry::epipolar, pose,
