@@ -2,7 +2,9 @@
 // arrange:
 //   KTGP_ORB_FAIL_WRITE=K   the K-th write to a regular file fails: the disk is full, for a moment
 //   KTGP_ORB_FAIL_MARK=FILE which is then made
-//   KTGP_ORB_KILL_AT=K      the K-th call that gives a file a name, or takes one, kills the program
+//   KTGP_ORB_KILL_AT=K      the K-th call that gives a file a name, or takes one after that, kills
+//   the
+//                           program
 //   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -37,6 +39,8 @@ bool mustFail(int descriptor) {
   errno = ENOSPC;
   return true;
 }
+
+std::atomic<bool> has_named{false};  // before it, names are only tried
 
 void mayKill() {
   static const char* const wanted = std::getenv("KTGP_ORB_KILL_AT");
@@ -76,19 +80,21 @@ size_t fwrite(const void* bytes, size_t size, size_t count, FILE* file) {
 
 int link(const char* from, const char* to) noexcept {
   static const auto real = next<int(const char*, const char*)>("link");
+  has_named = true;
   mayKill();
   return real(from, to);
 }
 
 int rename(const char* from, const char* to) noexcept {
   static const auto real = next<int(const char*, const char*)>("rename");
+  has_named = true;
   mayKill();
   return real(from, to);
 }
 
 int unlink(const char* name) noexcept {
   static const auto real = next<int(const char*)>("unlink");
-  mayKill();
+  if (has_named) mayKill();
   return real(name);
 }
 

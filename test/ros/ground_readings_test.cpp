@@ -74,11 +74,11 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
 }
 
 TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
-  for (const double time : {-0.5, -0.001, -0.999}) {
+  for (const double time : {-0.5, 0.201, -0.999}) {
     test::expectSays(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }),
-                     "expected -1, not known, 0, a global shutter, or more");
+                     "expected -1, not known, 0, a global shutter, or up to 0.2 s");
   }
-  for (const double time : {-1.0, 0.0, 0.02}) {
+  for (const double time : {-1.0, 0.0, 0.02, -0.02}) {
     EXPECT_EQ(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }), "");
   }
 }

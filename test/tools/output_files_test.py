@@ -74,7 +74,7 @@ class KilledRuns(OutputCase):
         return {path.name for path in self.folder.iterdir()}
 
     def check_killed_at_each_name(self, *command, primary, outputs):
-        """Kills it at every call that gives or takes a name; after that a second run has all outputs."""
+        """Kills it at every call that gives a file its name or takes one; a second run then has all outputs."""
         inputs = self.names()
         kill_at, killed = 1, True
         while killed:
@@ -91,7 +91,7 @@ class KilledRuns(OutputCase):
             for name in self.names() - inputs:
                 (self.folder / name).unlink()
             kill_at += 1
-        self.assertGreater(kill_at, 2 * len(outputs) + 1)
+        self.assertGreater(kill_at, 2 * len(outputs))
 
     def test_of_a_pair_or_a_list_of_pairs(self):
         self.check_killed_at_each_name("ktgp_match", "a.pgm", "b.pgm", "--json", "m.json", "--csv", "m.csv", "--draw",
@@ -109,7 +109,6 @@ class KilledRuns(OutputCase):
         outputs = ["--csv", "o.csv", "--mosaic", "o.png", "--mosaic_poses", "p.csv", "--stabilize", "o.mp4"]
         self.check_killed_at_each_name(*command, *outputs, "--skip_finished", primary="out.bag",
                                        outputs=["out.bag"] + outputs[1::2])
-        self.check_killed_at_each_name(*command, *outputs[:4], primary="out.bag", outputs=["out.bag", "o.csv", "o.png"])
 
     @unittest.skipUnless(WITH_ROS, "built without ROS")
     def test_of_a_recording_at_any_time(self):
@@ -122,7 +121,7 @@ class KilledRuns(OutputCase):
         start = time.monotonic()
         self.run_tool(*command, "--csv", "o.csv", "--mosaic", "o.png", "--stabilize", "o.mp4")
         longest = time.monotonic() - start
-        for i in range(100 if self.ALL else 12):
+        for i in range(100 if self.ALL else 8):
             for name in self.names() - inputs:
                 (self.folder / name).unlink()
             chosen = {}
@@ -401,7 +400,7 @@ class BagOutput(OutputCase):
     def test_a_readout_time_has_a_meaning(self):
         for arguments in (("--motion", "m.csv", "--motion_readout_time=-0.5"),
                           ("--targets", ".", "--targets_readout_time=-0.5")):
-            self.refuses(*arguments, words="expected -1, not known, 0, a global shutter, or more")
+            self.refuses(*arguments, words="expected -1, not known, 0, a global shutter, or up to 0.2 s")
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
