@@ -17,10 +17,12 @@
 #include <regex>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "files/input.h"
+#include "files/picture_bytes.h"
 #include "orb_test_images.h"
 #include "refusal.h"
 #include "ros/camera.h"
@@ -402,11 +404,16 @@ TEST(CompressedImages, HalfOfOneIsRefusedAsAFileIs) {
 
 // A large picture of one colour is small when compressed.
 TEST(CompressedImages, AreBoundedBeforeTheyAreDecoded) {
-  const cv::Mat fits = cv::Mat::zeros(8000, 8000, CV_8UC1);
-  const cv::Mat large = cv::Mat::zeros(8000, 8001, CV_8UC1);
   for (const char* ending : {".png", ".jpg", ".bmp", ".tiff", ".webp"}) {
-    SCOPED_TRACE(ending);
-    EXPECT_EQ(decodedImage(compressed(ending, fits))->width, 8000u);
+    const sensor_msgs::CompressedImage small = compressed(ending, grey());
+    const std::string_view bytes(reinterpret_cast<const char*>(small.data.data()),
+                                 small.data.size());
+    EXPECT_DOUBLE_EQ(files::megapixelsOf(bytes).value_or(0.0), 1e-6 * kWidth * kHeight) << ending;
+    EXPECT_EQ(decodedImage(small)->width, static_cast<std::uint32_t>(kWidth)) << ending;
+  }
+  EXPECT_EQ(decodedImage(compressed(".png", cv::Mat::zeros(8000, 8000, CV_8UC1)))->width, 8000u);
+  const cv::Mat large = cv::Mat::zeros(8000, 8001, CV_8UC1);
+  for (const char* ending : {".png", ".bmp"}) {
     expectRefused<RefusedImage>([&] { decodedImage(compressed(ending, large)); },
                                 "has 64.0 megapixels; expected 64 at most");
   }
