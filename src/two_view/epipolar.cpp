@@ -348,7 +348,11 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
     if (round > 0 && near_ == used_) break;
     fit_.weights().reset(n, 1, freedom);
     std::swap(near_, used_);
-    if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined) return false;
+    // Where rounding alone keeps a step from helping, the fit has converged all the same.
+    if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined &&
+        !estimation::breadOf(fit_.sums()).allFinite()) {
+      return false;
+    }
   }
   return true;
 }

@@ -135,7 +135,10 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
     }
     if (size() <= 4 || 2 * size() < inliers) return false;
     fit_.weights().reset(size(), 2, 3);
-    if (fit_.minimise(problem_, rules, rotation_) == estimation::FitEnd::undetermined) return false;
+    if (fit_.minimise(problem_, rules, rotation_) == estimation::FitEnd::undetermined &&
+        !estimation::breadOf(fit_.sums()).allFinite()) {
+      return false;
+    }
   }
   rotation_ = nearestRotation(rotation_);
   return true;
