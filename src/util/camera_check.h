@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace ktgp_orb::util {
 
@@ -14,16 +15,17 @@ namespace ktgp_orb::util {
 /// 0, 0, 1 as its last row, and focal lengths of 0.15 to 50 longer sides of the image, which is a
 /// field of view of 147 to about 1 degree. `image`: its size, px; empty: not known.
 template <typename Matrix>
-void requireK(const std::string& name, const Matrix& k, const cv::Size& image) {
+void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
   constexpr double kLeast = 0.15;  // below, a lens cannot show a plane as a plane
   constexpr double kMost = 50.0;   // longer than the telephoto lenses of cameras
   constexpr double kAny = 1e12;    // px
   for (int i = 0; i < 9; ++i) {
     if (std::isfinite(k(i / 3, i % 3))) continue;
-    throw std::invalid_argument(name + " has an entry that is not finite");
+    throw std::invalid_argument(std::string(name) + " has an entry that is not finite");
   }
   if (k(1, 0) != 0.0 || k(2, 0) != 0.0 || k(2, 1) != 0.0 || k(2, 2) != 1.0) {
-    throw std::invalid_argument(name + " is not upper triangular with 1 as its last entry");
+    throw std::invalid_argument(std::string(name) +
+                                " is not upper triangular with 1 as its last entry");
   }
   const int side = std::max(image.width, image.height);
   const double least = side > 0 ? kLeast * side : std::numeric_limits<double>::min();
@@ -42,7 +44,7 @@ void requireK(const std::string& name, const Matrix& k, const cv::Size& image) {
 /// Throws std::invalid_argument unless the principal point of `k` is inside the image. `image`: as
 /// above.
 template <typename Matrix>
-void requirePrincipalPoint(const std::string& name, const Matrix& k, const cv::Size& image) {
+void requirePrincipalPoint(std::string_view name, const Matrix& k, const cv::Size& image) {
   if (image.empty() ||
       (k(0, 2) >= 0.0 && k(0, 2) < image.width && k(1, 2) >= 0.0 && k(1, 2) < image.height)) {
     return;
