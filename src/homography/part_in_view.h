@@ -1,7 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+#include <array>
+#include <cstddef>
 
 #include "homography/transform.h"
 
@@ -16,9 +17,22 @@ Eigen::Matrix3d facing(const Eigen::Matrix3d& homography);
 /// a pixel of the reference is stretched 10^6 times.
 inline constexpr double kAtHorizon = 1e-3;
 
+/// Corners of a part of an image; without the heap.
+class PartOfImage {
+ public:
+  void add(const Eigen::Vector2d& corner) { corners_[size_++] = corner; }
+  std::size_t size() const { return size_; }
+  const Eigen::Vector2d* begin() const { return corners_.data(); }
+  const Eigen::Vector2d* end() const { return corners_.data() + size_; }
+
+ private:
+  std::array<Eigen::Vector2d, 8> corners_;  // each of four sides adds two at most
+  std::size_t size_ = 0;
+};
+
 /// The part of the image that `facing` shows: its corners, cut off at `least` times the largest
 /// third coordinate. Up to five points; fewer than three where nothing is in view.
-std::vector<Eigen::Vector2d> partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
-                                        double least = kAtHorizon);
+PartOfImage partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
+                       double least = kAtHorizon);
 
 }  // namespace ktgp_orb::homography

@@ -116,18 +116,17 @@ Eigen::Matrix3d facing(const Eigen::Matrix3d& homography) {
   return side < 0.0 ? -homography : homography;
 }
 
-std::vector<Eigen::Vector2d> partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
-                                        double least) {
+PartOfImage partInView(const Eigen::Matrix3d& facing, const FourPoints& corners, double least) {
   std::array<double, 4> depth{};
   for (std::size_t i = 0; i < 4; ++i) depth[i] = facing.row(2).dot(corners[i].homogeneous());
   const double limit = least * std::max(*std::max_element(depth.begin(), depth.end()), 0.0);
-  std::vector<Eigen::Vector2d> part;
+  PartOfImage part;
   for (std::size_t i = 0; i < 4; ++i) {
     const std::size_t next = (i + 1) % 4;
-    if (depth[i] > limit) part.push_back(corners[i]);
+    if (depth[i] > limit) part.add(corners[i]);
     if ((depth[i] > limit) == (depth[next] > limit)) continue;
     const double share = (limit - depth[i]) / (depth[next] - depth[i]);
-    part.push_back(corners[i] + share * (corners[next] - corners[i]));
+    part.add(corners[i] + share * (corners[next] - corners[i]));
   }
   return part;
 }
@@ -148,14 +147,17 @@ double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double h = size.height;
   const FourPoints corners{Eigen::Vector2d(0, 0), {w, 0}, {w, h}, {0, h}};
   const Eigen::Matrix3d view = facing(homography);
-  std::vector<cv::Point2f> image, warped;
-  for (const Eigen::Vector2d& p : corners) image.emplace_back(cv::Point2d(p.x(), p.y()));
+  std::array<cv::Point2f, 4> image;
+  std::array<cv::Point2f, 8> warped;
+  int seen = 0;
+  for (std::size_t i = 0; i < 4; ++i) image[i] = cv::Point2d(corners[i].x(), corners[i].y());
   for (const Eigen::Vector2d& p : partInView(view, corners)) {
     const Eigen::Vector2d q = project(view, p);
-    warped.emplace_back(cv::Point2d(q.x(), q.y()));
+    warped[static_cast<std::size_t>(seen++)] = cv::Point2d(q.x(), q.y());
   }
-  if (warped.size() < 3) return 0.0;
-  return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
+  if (seen < 3) return 0.0;
+  const cv::Mat part(seen, 1, CV_32FC2, warped.data());
+  return cv::intersectConvexConvex(image, part, cv::noArray()) / (w * h);
 }
 
 namespace {

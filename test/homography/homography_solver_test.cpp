@@ -297,7 +297,7 @@ TEST(HomographyChecks, CutsTheImageOffAtTheHorizon) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   h(2, 1) = -1.0 / 240.0;  // the horizon is at y = 240, and the origin in front
   for (const double sign : {1.0, -1.0}) {
-    const std::vector<Eigen::Vector2d> part = partInView(facing(sign * h), corners);
+    const PartOfImage part = partInView(facing(sign * h), corners);
     ASSERT_EQ(part.size(), 4U);
     for (const Eigen::Vector2d& p : part) EXPECT_LT(p.y(), 240.0);
     EXPECT_GT(overlap(sign * h, kSize), 0.3);
