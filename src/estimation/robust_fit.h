@@ -91,7 +91,7 @@ class RobustFit {
         continue;
       }
       const State candidate = problem.moved(state, step_);
-      const bool is_small = step_.cwiseAbs().maxCoeff() < rules.converged && damping <= 1.0;
+      const bool is_small = step_.cwiseAbs().maxCoeff() < rules.converged;
       const double cost = sums_.cost;
       weights_.estimateScale(rules.least_scale);
       problem.linearise(candidate, weights_, trial_);
