@@ -161,8 +161,8 @@ struct SequenceMatcher::Impl {
   std::optional<RelativePose> last_motion;  // motion of the frame before
   double lost_milliseconds = 0.0;           // spent on matches that are not the result
   bool fix_next_frame = false;
-  bool has_other_options = false;  // than those of the answer
-  bool had_reference = false;      // also forgets the result that names it
+  bool has_other_input = false;  // options or a fixed reference than those of the answer
+  bool had_reference = false;    // also forgets the result that names it
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
@@ -176,7 +176,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
-  has_other_options = true;
+  has_other_input = true;
 }
 
 /// Feature options for `frame`, where `fixed` is the fixed reference (null: none).
@@ -278,7 +278,7 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
 
 /// Before its features are found, which would be for nothing.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
-  const bool is_asked_anew = std::exchange(has_other_options, false) || fix_next_frame;
+  const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
   if (!answer.frame || is_asked_anew) return false;
   const Frame& last = *answer.frame;
   // The caller may have a mask of its own for each frame.
@@ -388,6 +388,7 @@ void SequenceMatcher::setFixedReference(const FramePtr& frame) {
       frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
+  impl_->has_other_input = true;  // an image that repeats the last one has another answer now
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {
