@@ -101,13 +101,15 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
   findOthers(target);
 }
 
-// Drawn pages of symbols, tables, facades and circuit boards: a right homography had at least four
-// times the share of any other shift, a wrong one less than that of the best other shift.
+// Of drawn pages of symbols, tables, facades and circuit boards a right homography had at least six
+// times the share, less one deviation, of any other shift; a wrong one less than 1.5 times that of
+// the best other shift, but for one facade of 84 pages (about four times).
 bool ShiftVotes::isRivalled() const {
-  constexpr double kClear = 2.0;
+  constexpr double kClear = 5.0;
+  constexpr double kEvident = 8.0;  // votes: fewer are chance, as across a strong tilt
   return std::any_of(others_.begin(), others_.end(), [&](const Peak& other) {
     const double certain = other.votes - std::sqrt(other.votes);  // less one deviation
-    return own_.share() * std::max(other.seen, 1.0) < kClear * certain;
+    return other.votes >= kEvident && own_.share() * std::max(other.seen, 1.0) < kClear * certain;
   });
 }
 

@@ -450,10 +450,13 @@ cv::Mat viewOfMap(const cv::Mat& map, const Eigen::Matrix3d& to_image) {
 TEST(KtgpMatcher, FindsAPlaneThatIsSeenInPart) {
   const cv::Mat map = test::textureImage({600, 600}, 3);
   for (const auto& [y, height, degrees] :
-       {std::tuple(400.0, 150.0, 35.0), std::tuple(640.0, 130.0, 12.0),
+       {std::tuple(400.0, 150.0, 35.0), std::tuple(640.0, 200.0, 20.0),
         std::tuple(300.0, 120.0, 30.0)}) {
     const Eigen::Matrix3d truth = cameraOverMap(y, height, degrees);
-    const FramePair pair(map, viewOfMap(map, truth));
+    OrbOptions orb;
+    orb.max_features = 4000;
+    orb.fast_threshold = 10;
+    const FramePair pair(map, viewOfMap(map, truth), orb);
     const Eigen::Vector2d on_map(300.0, y - 1.8 * height);
     const Eigen::Vector2d in_view = test::apply(truth, on_map);
     ASSERT_TRUE(test::isInside(in_view, {640, 480}));
