@@ -86,11 +86,10 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
   if (result.status != Status::ok) return;
   std::printf("inliers  %zu: ", result.inliers);
   if (result.guided.empty()) {
-    std::printf("matches that agree with the %s\n", toString(result.geometry));
+    std::printf("matches that agree with the geometry, %s\n", toString(result.geometry));
   } else {
-    std::printf("%zu of the matches above that agree with the %s, and %zu guided ones\n",
-                result.inliers - result.guided.size(), toString(result.geometry),
-                result.guided.size());
+    std::printf("%zu of the matches above, and %zu guided ones\n",
+                result.inliers - result.guided.size(), result.guided.size());
   }
 }
 

@@ -187,7 +187,7 @@ class ModuleTest(unittest.TestCase):
             read = cv2.imdecode(cv2.imencode('.png', image)[1], kind)
             self.assertEqual((read.dtype, read.shape), (image.dtype, image.shape))
             expected = np.array(by_program(image, self.target, '--preset', 'ktgp')['homography'])
-            found = ktgp.match(read, self.target)
+            found = ktgp.match(read, self.target, 'ktgp')
             self.assertLess(np.abs(corners_off(found.homography, expected)).max(), 0.02 if 'colour' in name else 1e-9,
                             name)
         self.same(ktgp.match(np.ascontiguousarray(wide[:, ::-1])[:, ::-1], self.target), ktgp.match(wide, self.target))
@@ -332,7 +332,7 @@ class ModuleTest(unittest.TestCase):
             (lambda: ktgp.match(grey, grey, 'best'), 'preset is best; expected ktgp, photo, robust, slam, teblid, video'),
             (lambda: ktgp.match(grey, grey, K=np.eye(3)), 'expected preset="slam"'),
             (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.zeros((3, 3))), 'upper triangular'),
-            (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.diag([9.0, 9.0, 1.0]), target_K=np.full((3, 3), np.nan)),
+            (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.diag([900.0, 900.0, 1.0]), target_K=np.full((3, 3), np.nan)),
              'the K of the target camera'),
             (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2; expected a number in'),
             (lambda: ktgp.match(grey, grey, T_w='x'), 'T_w is'),

@@ -112,7 +112,7 @@ class KtgpFind(ToolCase):
         self.write("posters/broken.png", "no image")
         shutil.copy(self.folder / "posters" / "poster1.pgm", self.folder / "posters" / "copy.pgm")
         (self.folder / "posters" / "grey.pgm").write_bytes(b"P5\n99 99\n255\n" + bytes(99 * 99))
-        self.find("scene.pgm", "posters", prints="known targets: 3, with a chance: ",
+        self.find("scene.pgm", "posters", prints="known targets: 3, of these with similar keypoints: ",
                   words=("broken.png: cannot be read", 'shows the same as target "copy"', "too little texture"))
 
     def test_narrow_images_are_refused_by_their_shape(self):
@@ -163,7 +163,7 @@ class KtgpFind(ToolCase):
         (self.folder / "posters" / "old").mkdir()
         write_pgm(self.folder / "posters" / "old" / "poster9.pgm", picture(9), 20, 20)
         (self.folder / "posters" / "old.png").mkdir()
-        run = self.find("scene.pgm", "posters", prints="known targets: 3, with a chance: ")
+        run = self.find("scene.pgm", "posters", prints="known targets: 3, of these with similar keypoints: ")
         self.assertEqual(run.stderr, "")
 
     def test_nothing_found_is_exit_code_1_and_said_with_what_to_try(self):
