@@ -1254,7 +1254,11 @@ TEST(GroundMotion, RefusesUnusableReadings) {
          f.turn = TurnReading{Eigen::Matrix3d::Zero(), 0.1};
        }},
       {"the camera matrix is not upper triangular", [](GroundFrame& f) { f.camera.setZero(); }},
-      {"fx of the camera matrix is 1; expected", [](GroundFrame& f) { f.camera.setIdentity(); }},
+      {"fx of the camera matrix is 1; expected",
+       [](GroundFrame& f) {
+         f.size = cv::Size(640, 480);
+         f.camera.setIdentity();
+       }},
       {"the", [](GroundFrame& f) { f.answer->homography(1, 1) = kNan; }}};
   for (const auto& [words, change] : changes) {
     EXPECT_EQ(refusalOf(change).find(words), 0U) << words << " | " << refusalOf(change);
