@@ -66,8 +66,10 @@ std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
     util::requirePrincipalPoint("K", *camera, grey.pixels.size());
   }
   return targets.use([&](TargetFinder& finder) {
+    const std::vector<DetectedTarget>& detections = finder.find(grey.pixels).detections;
     std::vector<PosedTarget> found;
-    for (const DetectedTarget& target : finder.find(grey.pixels).detections) {
+    found.reserve(detections.size());
+    for (const DetectedTarget& target : detections) {
       found.push_back({target, {}});
       if (!camera || target.status != Status::ok) continue;
       found.back().poses =
@@ -173,6 +175,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
     return pose.find(target, camera, lens ? &*lens : nullptr, stamp, size.second);
   });
   std::vector<FoundPose> poses;
+  poses.reserve(found.poses.size());
   for (const PlanarPose& p : found.poses)
     poses.emplace_back(p.target_to_camera.matrix(), p.covariance, p.share);
   return poses;

@@ -378,6 +378,7 @@ void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
   triangulate(result.two_view.pairs, input, result.two_view.view, scene);
   // Matches without a neighbour have no row.
   std::vector<std::int32_t> rows;
+  rows.reserve(result.correspondences.size());
   std::int32_t row = 0;
   for (const Correspondence& c : result.correspondences) {
     rows.push_back(c.reference_index < 0 ? -1 : row++);

@@ -99,7 +99,11 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
   std::vector<Eigen::Vector2d> common(corners.begin(), corners.end());
   if (!homography::keepsPlaneInView(h, corners)) return common;
-  std::vector<cv::Point2f> outline, target, overlap;
+  std::vector<cv::Point2f> outline;
+  std::vector<cv::Point2f> target;
+  std::vector<cv::Point2f> overlap;
+  outline.reserve(corners.size());
+  target.reserve(corners.size());
   for (const Eigen::Vector2d& corner : corners) {
     const Eigen::Vector2d p = homography::project(h, corner);
     outline.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
@@ -111,6 +115,7 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   cv::intersectConvexConvex(outline, target, overlap);
   if (overlap.size() < 3) return common;
   common.clear();
+  common.reserve(overlap.size());
   const Eigen::Matrix3d back = h.inverse();
   for (const cv::Point2f& p : overlap) common.push_back(homography::project(back, {p.x, p.y}));
   return common;
@@ -141,7 +146,10 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   constexpr std::size_t kFew = 50;
   constexpr double kPart = 0.5;
   const MatchResult& result = outcome.pair.match;
-  std::vector<cv::Point2f> places, common;
+  std::vector<cv::Point2f> places;
+  std::vector<cv::Point2f> common;
+  places.reserve(result.inliers);
+  common.reserve(corners.size());
   for (const auto* list : {&result.correspondences, &result.guided}) {
     for (const Correspondence& c : *list) {
       if (c.level < Level::ktgp) continue;
