@@ -297,6 +297,7 @@ void scoreMosaic(const std::string& bag, const std::string& poses) {
 void scoreStillCamera(const std::string& csv) {
   const auto homographies = readHomographies(csv);
   std::vector<double> errors;
+  errors.reserve(homographies.size());
   for (const auto& [stamp, h] : homographies) {
     errors.push_back(metrics::cornerError(h, Eigen::Matrix3d::Identity(), kStillSize));
   }

@@ -452,7 +452,9 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
     ASSERT_GT(runs, kRuns / 2);
     EXPECT_GE(inside, runs * 97 / 100) << sum / runs;
     // That of a turn has what a parallax could change, and here there is none.
-    if (shape != Shape::turn) EXPECT_GT(sum / runs, 0.7 * freedom);
+    if (shape != Shape::turn) {
+      EXPECT_GT(sum / runs, 0.7 * freedom);
+    }
     EXPECT_LT(sum / runs, 1.4 * freedom) << inside << " of " << runs;
   }
 }
@@ -512,7 +514,9 @@ TEST_P(NotCertain, WhereTheMotionIsWrong) {
     certain += result.status == Status::ok && wrong && !(normalisedError(world, result, 5) < 20.5);
   }
   EXPECT_EQ(certain, 0);
-  if (GetParam() > 0.04) EXPECT_GE(right, 2 * kRuns * 9 / 10);
+  if (GetParam() > 0.04) {
+    EXPECT_GE(right, 2 * kRuns * 9 / 10);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(SharesOffThePlane, NotCertain, testing::Values(0.0, 0.02, 0.05, 0.1));
@@ -747,7 +751,7 @@ TEST(TwoView, RefusesAKThatIsNotOne) {
                         words);
   }
   TwoViewInput enlarged = world.input();
-  enlarged.target_size = 2 * enlarged.reference_size;
+  enlarged.target_size = enlarged.reference_size * 2;
   enlarged.target_camera.reset();
   test::expectRefused([&] { estimateTwoView(world.pairs.reference, world.pairs.target, enlarged); },
                       "so they cannot share a K; expected a K of each");
