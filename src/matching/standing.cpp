@@ -20,17 +20,21 @@ double wayOf(const Features& reference, const Features& target, const Correspond
   return (position(target, match.target_index) - position(reference, match.reference_index)).norm();
 }
 
-/// Root of the mean square of the distance from the centre, px; 0 for no points.
-double spreadOf(const std::vector<Eigen::Vector2d>& points) {
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  double squares = 0.0;
-  for (const Eigen::Vector2d& point : points) {
-    sum += point;
-    squares += point.squaredNorm();
+/// Centre of points, and the root of the mean square of their distance from it, px.
+struct Spread {
+  explicit Spread(const std::vector<Eigen::Vector2d>& points) {
+    const double count = std::max(1.0, static_cast<double>(points.size()));
+    double squares = 0.0;
+    for (const Eigen::Vector2d& point : points) {
+      centre += point / count;
+      squares += point.squaredNorm() / count;
+    }
+    size = std::sqrt(std::max(0.0, squares - centre.squaredNorm()));
   }
-  const double count = std::max(1.0, static_cast<double>(points.size()));
-  return std::sqrt(std::max(0.0, squares / count - (sum / count).squaredNorm()));
-}
+
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  double size = 0.0;
+};
 
 }  // namespace
 
@@ -62,13 +66,17 @@ bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
   constexpr std::size_t kLeast = 20;     // matches; chance gives ten at most
   constexpr double kLeastShare = 0.05;   // of the number of those that stand still
   constexpr double kLeastSpread = 0.75;  // of their spread; half an image has 0.76 of the whole
+  constexpr double kFarthest = 0.5;      // spreads between the centres; two halves have 0.9
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] != 0) agreeing_.push_back(moving_.reference[i]);
   }
-  const double share = kLeastShare * static_cast<double>(standing_.size());
-  return agreeing_.size() >= kLeast && static_cast<double>(agreeing_.size()) >= share &&
-         spreadOf(agreeing_) > kLeastSpread * spreadOf(standing_);
+  const auto count = static_cast<double>(agreeing_.size());
+  const Spread moving(agreeing_), standing(standing_);
+  return agreeing_.size() >= kLeast &&
+         count >= kLeastShare * static_cast<double>(standing_.size()) &&
+         moving.size > kLeastSpread * standing.size &&
+         (moving.centre - standing.centre).norm() < kFarthest * standing.size;
 }
 
 void Standing::drop(const Features& reference, const Features& target,

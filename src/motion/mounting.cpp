@@ -227,10 +227,16 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     if (!std::isfinite(deviation)) value = 0.0;
     is_known = is_known || std::isfinite(deviation);
   };
-  imu.scale_error = unknowns_(kScale);
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
+  // The unknown is the error as a share of what the Imu says, not of the truth, and the bias what
+  // remains of it in units of the truth.
+  imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);
+  const double scale = 1.0 / (1.0 - imu.scale_error);
+  imu.scale_error *= scale;
+  imu.scale_error_deviation *= scale * scale;
+  imu.bias *= scale;
   for (int i = 0; i < 3; ++i) {
     report(imu.rotation(i), imu.rotation_deviation(i), of_rotation(i, i), kKnown[0]);
     report(imu.bias(i), imu.bias_deviation(i), of_bias(i, i), gives_turns_ ? kKnown[2] : 0.0);

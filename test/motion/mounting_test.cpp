@@ -356,16 +356,21 @@ TEST(Mounting, TextsHaveTheDigitsThatAreKnown) {
   imu.delay_deviation = 0.0012;
   imu.bias = degrees(0.0, 1.25, 0.0);
   imu.bias_deviation = degrees(0.02, 0.02, 0.02);
+  imu.scale_error = -0.031;
+  imu.scale_error_deviation = 0.004;
   EXPECT_EQ(describe(imu),
             "mounted 1.0 +- 0.1 degrees off about x, 0.10 +- 0.04 degrees off about y; stamps 20 "
             "+- 1 ms early; angular velocity 0.00 +- 0.02 degrees/s off about x, 1.25 +- 0.02 "
-            "degrees/s off about y, 0.00 +- 0.02 degrees/s off about z");
+            "degrees/s off about y, 0.00 +- 0.02 degrees/s off about z; its scale 3.1 +- 0.4 % too "
+            "small");
   EXPECT_EQ(troubleOf(imu),
             "the Imu seems to be mounted 1.0 +- 0.1 degrees off about x; the Imu's stamps seem 20 "
-            "+- 1 ms early; the Imu's angular velocity seems 1.25 +- 0.02 degrees/s off about y");
+            "+- 1 ms early; the Imu's angular velocity seems 1.25 +- 0.02 degrees/s off about y; "
+            "the scale of the Imu's angular velocity seems 3.1 +- 0.4 % too small");
   imu.rotation_deviation.x() = 0.3 * kDegree;  // not certain
   imu.delay = 0.003;                           // does not matter
   imu.bias.y() = 0.2 * kDegree;
+  imu.scale_error = 0.01;
   EXPECT_EQ(troubleOf(imu), "");
 }
 

@@ -61,6 +61,11 @@ class InputsTest(MatcherCase):
             pixels[:, :TEXT.shape[1]] = TEXT
         return self.send(pixels)
 
+    def send_again(self, pixels):
+        """The same view with other noise, which is a new frame."""
+        self.noise = 1 - getattr(self, 'noise', 0)
+        return self.send(pixels ^ self.noise)
+
     def send_until_changed(self, before, send=None):
         """Sends images until one is processed with a newer configuration."""
         send = send or self.send_view
@@ -206,7 +211,8 @@ class InputsTest(MatcherCase):
             def send():
                 info.header.stamp = self.camera.next_stamp()
                 self.info.publish(info)
-                stamp = self.camera.send(image_message(view(100, 100), info.header.stamp))
+                self.position += STEP
+                stamp = self.camera.send(image_message(view(self.position, 100), info.header.stamp))
                 return self.homography.wait_for(stamp).rectified
             self.diagnostics.wait_for_words(words, send)
             self.assertFalse(send())
@@ -219,11 +225,11 @@ class InputsTest(MatcherCase):
 
     def test_a_reference_from_a_topic(self):
         self.client.update_configuration({'reference_mode': 'fixed', 'gms_scale': True})
-        self.assertEqual(self.send(view(200, 150)).reason, MatchStatus.REASON_NOT_SET)
-        before = self.send(view(200, 150)).configuration
+        self.assertEqual(self.send_again(view(200, 150)).reason, MatchStatus.REASON_NOT_SET)
+        before = self.send_again(view(200, 150)).configuration
         self.reference.publish(image_message(view(300, 200, 320, 240), rospy.Time(7)))
-        self.send_until_changed(before, lambda: self.send(view(200, 150)))
-        statistics = self.send(view(200, 150))
+        self.send_until_changed(before, lambda: self.send_again(view(200, 150)))
+        statistics = self.send_again(view(200, 150))
         self.assertEqual((statistics.status, statistics.reference_stamp), (OK, rospy.Time(7)))
         for measured, true in zip(translation(self.homography.wait_for(
                 statistics.header.stamp)), (100, 50)):
@@ -232,10 +238,10 @@ class InputsTest(MatcherCase):
         self.reference.publish(image_message(np.zeros((9, 9), np.float32), rospy.Time(8), '32FC1'))
         self.log.wait_for_words('the reference on /camera/matcher/reference is refused')
         self.call('reset')
-        self.assertEqual(self.send(view(200, 150)).reference_stamp, rospy.Time(7))
-        before = self.send(view(200, 150)).configuration
+        self.assertEqual(self.send_again(view(200, 150)).reference_stamp, rospy.Time(7))
+        before = self.send_again(view(200, 150)).configuration
         self.reference.publish(Image())  # none any more
-        last = self.send_until_changed(before, lambda: self.send(view(200, 150)))
+        last = self.send_until_changed(before, lambda: self.send_again(view(200, 150)))
         self.assertEqual(last.reason, MatchStatus.REASON_NOT_SET)
 
     def test_a_pipe_as_an_image_file_holds_nothing_up(self):

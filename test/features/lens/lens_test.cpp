@@ -220,8 +220,8 @@ TEST(Lens, AnEqualLensIsTheSameAndAnotherStartsASequence) {
   std::int64_t stamp = 0;
   const auto reason = [&](const LensConstPtr& lens) {
     const FramePtr frame = matcher.newFrame();
-    frame->image = rawView(barrel(), 300.0, 300.0);
     frame->stamp = ++stamp;
+    frame->image = rawView(barrel(), 300.0 + static_cast<double>(stamp), 300.0);
     frame->lens = lens;
     return matcher.match(frame).no_reference;
   };
