@@ -81,7 +81,7 @@ std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
   });
 }
 
-void defineTargets(py::module_& module) {
+void defineDetectedTarget(py::module_& module) {
   py::class_<PlanarPose>(module, "TargetPose", "Where a flat target is in the camera's frame.")
       .def_property_readonly(
           "matrix",
@@ -122,6 +122,10 @@ void defineTargets(py::module_& module) {
       .def_readonly("poses", &PosedTarget::poses,
                     "A list of TargetPose, the likeliest first: two where the view is nearly "
                     "frontal. Empty without K.");
+}
+
+void defineTargets(py::module_& module) {
+  defineDetectedTarget(module);
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")

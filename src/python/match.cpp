@@ -167,41 +167,16 @@ void defineMotion(py::module_& module) {
           }));
 }
 
-void defineMatch(py::module_& module) {
-  py::class_<Match, std::shared_ptr<Match>> match(
-      module, "Match",
-      "The result for two images. Arrays have a row for each correspondence: first those of the "
-      "four stages, in "
-      "the order of the target's keypoints, then those that guided matching or the growth added.");
+using MatchClass = py::class_<Match, std::shared_ptr<Match>>;
+
+/// What belongs to the two-view geometry.
+void defineGeometry(MatchClass& match) {
   two_view::visitNumbers([&](const two_view::NumberField& field) {
     match.def_property_readonly(
         field.name, [name = std::string(field.name)](const Match& m) { return m.numbers.at(name); },
         field.text);
   });
   match
-      .def_readonly("status", &Match::status,
-                    "\"ok\": the geometry that was asked for was found; or why not.")
-      .def_readonly("found_by", &Match::found_by,
-                    "\"prosac\", \"growth\", \"two_view\" or \"none\".")
-      .def_property_readonly(
-          "homography", answerField(&UncertainHomography::homography),
-          "(3, 3) float64: reference to target, px; zero where there is none: status is "
-          "not ok, or geometry is \"epipolar\".")
-      .def_property_readonly(
-          "covariance", answerField(&UncertainHomography::covariance),
-          "(8, 8) float64: of the first eight entries of the homography, row by row, "
-          "with H[2, 2] = 1.")
-      .def_property_readonly(
-          "shared_covariance", answerField(&UncertainHomography::shared_covariance),
-          "(8, 8) float64: the part of the covariance that many matches cannot average out.")
-      .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
-                             "How far the scene is from a plane, px; 0: not detectably.")
-      .def_readonly("inlier_count", &Match::inlier_count,
-                    "Number of matches that agree with the geometry.")
-      .def_readonly(
-          "rmse", &Match::rmse,
-          "Root mean square over the inliers, px, of the reprojection errors; epipolar: of the "
-          "Sampson distances.")
       .def_readonly(
           "geometry", &Match::geometry,
           "What explains the matches: \"plane\", \"rotation\", \"epipolar\" (a scene "
@@ -236,7 +211,12 @@ void defineMatch(py::module_& module) {
       .def_property_readonly("point_deviations", viewOf(&Match::point_deviations),
                              "(M,) float64: standard deviations of their distances.")
       .def_property_readonly("point_matches", viewOf(&Match::point_matches),
-                             "(M,) int32: their rows in the arrays of the matches.")
+                             "(M,) int32: their rows in the arrays of the matches.");
+}
+
+/// A row for each correspondence.
+void defineRows(MatchClass& match) {
+  match
       .def_property_readonly("stages", stagesOf,
                              "A dict for each stage: name, input, output, milliseconds.")
       .def_property_readonly("reference_points", viewOf(&Match::reference_points),
@@ -252,8 +232,42 @@ void defineMatch(py::module_& module) {
       .def_property_readonly(
           "levels", viewOf(&Match::levels),
           "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3: an inlier of the "
-          "geometry, 4 an inlier from guided matching or growth.")
-      .def("__repr__", textOf)
+          "geometry, 4 an inlier from guided matching or growth.");
+}
+
+void defineMatch(py::module_& module) {
+  MatchClass match(
+      module, "Match",
+      "The result for two images. Arrays have a row for each correspondence: first those of the "
+      "four stages, in "
+      "the order of the target's keypoints, then those that guided matching or the growth added.");
+  match
+      .def_readonly("status", &Match::status,
+                    "\"ok\": the geometry that was asked for was found; or why not.")
+      .def_readonly("found_by", &Match::found_by,
+                    "\"prosac\", \"growth\", \"two_view\" or \"none\".")
+      .def_property_readonly(
+          "homography", answerField(&UncertainHomography::homography),
+          "(3, 3) float64: reference to target, px; zero where there is none: status is "
+          "not ok, or geometry is \"epipolar\".")
+      .def_property_readonly(
+          "covariance", answerField(&UncertainHomography::covariance),
+          "(8, 8) float64: of the first eight entries of the homography, row by row, "
+          "with H[2, 2] = 1.")
+      .def_property_readonly(
+          "shared_covariance", answerField(&UncertainHomography::shared_covariance),
+          "(8, 8) float64: the part of the covariance that many matches cannot average out.")
+      .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
+                             "How far the scene is from a plane, px; 0: not detectably.")
+      .def_readonly("inlier_count", &Match::inlier_count,
+                    "Number of matches that agree with the geometry.")
+      .def_readonly(
+          "rmse", &Match::rmse,
+          "Root mean square over the inliers, px, of the reprojection errors; epipolar: of the "
+          "Sampson distances.");
+  defineGeometry(match);
+  defineRows(match);
+  match.def("__repr__", textOf)
       .def(py::pickle([](const Match& match) { return stateOf(match); },
                       [](const py::tuple& state) {
                         auto match = std::make_shared<Match>();
