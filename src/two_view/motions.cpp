@@ -145,7 +145,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // A shift by 1, x or y of the target points along either axis, with coordinates as large as 1.
+  // A shift by x, y or 1 of the target points along either axis, with coordinates as large as 1.
   const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
   Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
   Eigen::Vector2d residual;
@@ -157,11 +157,11 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
     by_shared.leftCols<3>() += jacobian.row(0).transpose() * linear.transpose();
     by_shared.rightCols<3>() += jacobian.row(1).transpose() * linear.transpose();
   }
-  // A translation shifts all points, or moves them along lines through one point.
+  // A translation shifts all points alike, which looks like a turn.
   Eigen::Matrix<double, 6, 1> deviations;
   deviations.setConstant(shared);
   const Eigen::Matrix<double, 6, 1> moved =
-      (Eigen::Matrix<double, 6, 1>() << unseen, 0.0, 0.0, unseen, 0.0, 0.0).finished();
+      (Eigen::Matrix<double, 6, 1>() << 0.0, 0.0, unseen, 0.0, 0.0, unseen).finished();
   const Eigen::Matrix<double, 6, 1> both = deviations.cwiseAbs2() + moved.cwiseAbs2();
   const estimation::Information bread = estimation::breadOf(fit_.sums());
   const estimation::Information meat = estimation::independentMeat(fit_.sums(), fit_.weights()) +

@@ -155,7 +155,8 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
   // With little parallax, wrong motions agree with most pairs, and so with all of the best ones.
-  rules.min_iterations = 40;
+  // Without K there are no other starts, and a sample on one plane finds what agrees with it alone.
+  rules.min_iterations = cameras ? 40 : 200;
   rules.seed = options.seed;
   std::optional<Epipolar> initial;
   if (cameras && input.prediction && input.prediction->translation.norm() > 0.5) {
