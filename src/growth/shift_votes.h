@@ -35,8 +35,8 @@ class ShiftVotes {
   const Peak& own() const { return own_; }
   /// The other shifts with the most votes, at most 16.
   const std::vector<Peak>& others() const { return others_; }
-  /// Whether another shift has a fifth of the own share of votes or more. Fewer than eight votes
-  /// for another one are chance.
+  /// Whether another shift has half of the own share of votes or more, both less one deviation.
+  /// Fewer than eight votes for another one are chance.
   bool isRivalled() const;
 
  private:
