@@ -24,7 +24,7 @@ using ktgp_orb::MatchResult;
 using ktgp_orb::OrbOptions;
 
 constexpr double kWorstCornerError = 10;  // px, where the recall curve ends
-constexpr int kSeeds = 20;                // of PROSAC; the results are averaged
+constexpr int kSeeds = 20;                // random seeds of PROSAC; the results are averaged
 
 struct Set {
   std::string name;
@@ -34,7 +34,7 @@ struct Set {
 /// Sums over pairs of images.
 struct Score {
   double matches = 0;  // after GMS
-  double correct = 0;  // of them
+  double correct = 0;  // number of correct matches
   double precision = 0;
   double corner_auc = 0;  // area under the recall of the mean corner error up to 10 px
 

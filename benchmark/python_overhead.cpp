@@ -1,4 +1,4 @@
-// What a call from Python costs beside the same one from C++: both in this process, on the same two
+// Cost of a call from Python beside the same one from C++: both in this process, on the same two
 // images, in turn. Prints a Markdown table; medians of the CPU time of a call, ms.
 //   match()             extractor and matcher are made for each call
 //   Extractor, Matcher  they keep their buffers; in Python each image has features of its own

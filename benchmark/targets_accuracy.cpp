@@ -47,7 +47,7 @@ constexpr double kWide = 120.0;  // px
 const cv::Size kFrame(640, 480);
 constexpr std::size_t kBackgrounds = 5;
 
-/// Of this process, which other programs do not slow down.
+/// Processor time of this process, which other programs do not slow down.
 double processorMilliseconds() {
   timespec time{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
@@ -325,7 +325,7 @@ std::vector<Answer> searchSmall(const View& view, double size, TargetFinder& fin
   return answers;
 }
 
-/// Those of the first `frames` that show a target.
+/// The frames among the first `frames` that show a target.
 template <typename Visit>
 void forEachView(const World& world, std::size_t frames, Visit visit) {
   for (std::size_t i = 0; i < frames; ++i) {
@@ -421,11 +421,11 @@ void measurePeer(const World& world, std::size_t frames) {
 }
 
 constexpr std::size_t kShown = 5;
-constexpr double kWidth = 0.3;  // of a target, m
+constexpr double kWidth = 0.3;  // width of a target, m
 
 /// Where each of the shown targets is: they move slowly, with a tilt below 45 degrees.
 test::Placement placementOf(std::size_t shown, std::size_t frame, const cv::Size& target) {
-  constexpr double kPixels = 165.0;  // of the longer side
+  constexpr double kPixels = 165.0;  // longer side of a target, px
   const double time = static_cast<double>(frame) / 30.0;
   const double phase = 1.3 * static_cast<double>(shown);
   test::Placement p;
@@ -461,7 +461,7 @@ double normalisedError(const DetectedTarget& found, const Eigen::Matrix3d& truth
 
 struct Followed {
   std::size_t shown = 0, found = 0, others = 0;
-  test::CornerErrors corners;  // of followed targets
+  test::CornerErrors corners;  // errors of followed targets
   std::size_t poses = 0, right_poses = 0;
   std::size_t frames_for_all = 1;
   std::vector<double> milliseconds;

@@ -88,7 +88,7 @@ enum class FoundBy : std::uint8_t {
 /// The enumerator's own name, e.g. "prosac".
 const char* toString(FoundBy found_by);
 
-/// What is known about two frames before they are matched.
+/// Prior knowledge about two frames.
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
   /// ProsacHomography::estimate). With a search radius, KNN searches only near its positions.
@@ -104,7 +104,7 @@ struct MatchHints {
   /// size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;
-  /// Of raw images: see TwoViewInput.
+  /// The lens of raw images: see TwoViewInput.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
   /// A motion that may be right, as of the frame before; see TwoViewInput.
@@ -132,13 +132,13 @@ struct MatchResult {
   /// Null: this stage is off.
   const StageResult* stage(StageId id) const;
   GrowthResult growth;  ///< has no seeds where growth was not needed
-  /// What guided matching or the growth added, in target order, all of Level::guided.
+  /// Matches that guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
 
-  /// What explains the matches. Plane and rotation have `answer`, too. Epipolar: there is no
-  /// homography for all (`answer` is zero), `two_view` has the geometry, and levels, `inliers` and
-  /// `rmse` belong to it (rmse: of Sampson distances).
+  /// The geometry that explains the matches. Plane and rotation have `answer`, too. Epipolar: there
+  /// is no homography for all (`answer` is zero), `two_view` has the geometry, and levels,
+  /// `inliers` and `rmse` belong to it (rmse: of Sampson distances).
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 

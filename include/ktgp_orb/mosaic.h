@@ -78,7 +78,7 @@ class Mosaic {
 
   /// Pose of the last placed frame: map -> frame, px; empty where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
-  /// Of the last placed frame.
+  /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;

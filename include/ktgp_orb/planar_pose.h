@@ -19,7 +19,7 @@ struct PlanarPose {
   /// Target -> camera. The origin of the target is the middle of the reference image; its x axis
   /// points right, y down, and z away from the viewer.
   Pose3 target_to_camera = Pose3::Identity();
-  /// Of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad), in this order.
+  /// Covariance of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad).
   Covariance6 covariance = Covariance6::Zero();
   /// Squared distance of its homography from the given one in units of the covariance, with two
   /// degrees of freedom.
@@ -48,7 +48,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);
 
-/// What `now`, the homography reference image -> camera image, would be if all rows had been
+/// The homography `now`, reference image -> camera image, as it would be if all rows had been
 /// exposed with the middle one.
 ///
 /// A rolling shutter exposes each of the `rows` later than the one above it, the last one by

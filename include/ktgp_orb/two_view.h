@@ -17,7 +17,7 @@
 
 namespace ktgp_orb {
 
-/// What explains the matches of two images.
+/// The geometry that explains the matches of two images.
 enum class Geometry : std::uint8_t {
   none = 0,
   plane = 1,     ///< a homography: the scene is flat, or, without K, the camera only turned
@@ -52,7 +52,7 @@ struct TwoViewOptions {
   double max_error = 3.0;
   int max_iterations = 1000;  ///< most samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
-  std::uint64_t seed = 1;     ///< of the sampling; the same seed gives the same answer
+  std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
   bool homography = true;     ///< false: only an epipolar geometry is looked for
   /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
   /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
@@ -67,10 +67,10 @@ struct TwoViewOptions {
 /// frames (x right, y down, z forward). The unit of length is the distance between the cameras.
 struct RelativePose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of length 1, or 0 for a rotation
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< unit vector, or 0 for a rotation
 };
 
-/// What is known about the two images.
+/// Prior knowledge about the two images.
 struct TwoViewInput {
   /// K of images without distortion, px. Empty: not known, and no pose is estimated.
   std::optional<Eigen::Matrix3d> reference_camera;
@@ -125,10 +125,10 @@ struct TwoView {
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
-  /// Of small changes of the translation (x, y, z) and small rotations about the target camera's
-  /// axes (rad), in this order. The length of the translation is fixed, so it has rank 5; 3 for a
-  /// rotation, with a translation of variance 0. Where there is `other`, it spans both motions. NaN
-  /// without K or where it is not known.
+  /// Covariance of small changes of the translation (x, y, z) and small rotations about the target
+  /// camera's axes (rad), in this order. The length of the translation is fixed, so it has rank 5;
+  /// 3 for a rotation, with a translation of variance 0. Where there is `other`, it spans both
+  /// motions. NaN without K or where it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Median angle between the two rays of an inlier, degrees; NaN without K.
   double parallax = 0.0;
@@ -197,7 +197,7 @@ struct TwoViewMatches {
   /// The matches of level ktg and above, in their order. Where the images allowed it, the points
   /// are more accurate than the keypoints.
   PointPairs pairs;
-  std::vector<std::size_t> match;     ///< of each pair: its index in the list of matches
+  std::vector<std::size_t> match;     ///< index of each pair in the list of matches
   std::vector<std::uint8_t> aligned;  ///< 1 where the images gave the points
   /// One per match: its level, but Level::ktgp where it agrees with the geometry of `view`, and at
   /// most Level::ktg elsewhere.

@@ -23,8 +23,8 @@ struct LabelledTarget {
   std::array<std::size_t, kLabelledSizes.size()> found{};
   std::size_t near = 0;   ///< found within kWrongTargetBeyond, at full size
   std::size_t fixed = 0;  ///< labelled frames found by the matcher in fixed mode with its defaults
-  /// Of all answers, also of fixed mode, those beyond kWrongTargetBeyond, and those where a label
-  /// says that the target is not there.
+  /// Among all answers, also of fixed mode, those beyond kWrongTargetBeyond, and those where a
+  /// label says that the target is not there.
   std::size_t wrong = 0;
   /// A video is also searched from its first frame to its last one.
   std::size_t all_frames = 0;

@@ -29,7 +29,7 @@ struct PosePair {
   Eigen::Matrix3d reference_camera;  ///< K, px
   Eigen::Matrix3d target_camera;
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< of length 1; zero where the camera only turned
+  Eigen::Vector3d translation;  ///< unit vector; zero where the camera only turned
 };
 
 /// The pairs of row numbers in pairs.txt of `folder`, from 0; without that file, the images that

@@ -35,7 +35,7 @@ std::string topicName(const std::string& written);
 struct Topic {
   std::string name;  ///< see topicName()
   std::string type;
-  std::string md5sum{};  ///< of the type's definition; a damaged bag may lack it
+  std::string md5sum{};  ///< checksum of the type's definition; a damaged bag may lack it
   bool operator<(const Topic& other) const {
     return std::tie(name, type, md5sum) < std::tie(other.name, other.type, other.md5sum);
   }

@@ -123,9 +123,9 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Of the numbers at that place of all names: whether what follows their points is a count.
+/// Whether the digits behind the points of the numbers at that place of all names are a count.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
-  // Of decimals a tenth begin with a zero, of counts a tenth end with one; in so many names a
+  // Among decimals a tenth begin with a zero, of counts a tenth end with one; in so many names a
   // single one may be written otherwise.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;

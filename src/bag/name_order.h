@@ -10,7 +10,7 @@ namespace ktgp_orb::bag {
 /// counts have no zeros in front, and decimals that vary in length have none at their ends.
 void sortByNumbers(std::vector<std::string>& files);
 
-/// Those of `files` whose texts between the numbers are like those of almost no other file, for
+/// The names of `files` whose texts between the numbers are like those of almost no other file, for
 /// example "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
 std::vector<std::string> oddNames(const std::vector<std::string>& files);
 

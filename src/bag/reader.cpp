@@ -22,7 +22,7 @@ bool isImage(const bag::Topic& topic) {
   return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);
 }
 
-/// Of a transport that is not read here, or of another layout than today's messages.
+/// Whether a topic has a transport that is not read here, or another layout than today's messages.
 bool isOtherImage(const bag::Topic& topic) {
   const bool is_named = topic.type.find("Image") != std::string::npos ||
                         topic.type.find("Packet") != std::string::npos;

@@ -120,7 +120,7 @@ class ImageSource {
   /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
   /// known; empty for an intact bag.
   virtual std::string damage() const = 0;
-  /// What was taken in one of several possible ways, for users; empty: nothing.
+  /// Choices among several readings of the input, for users; empty: none.
   virtual std::string note() const { return {}; }
 
  protected:

@@ -163,9 +163,9 @@ class ProsacSearch {
     return best_cost_ < std::numeric_limits<float>::infinity();
   }
 
-  /// Of the last run: the model with the least cost, if one was found; the samples drawn, from the
-  /// growing set and from the inliers; whether the budget was used up before the stopping rules
-  /// were met.
+  /// Result of the last run: the model with the least cost, if one was found; the samples drawn,
+  /// from the growing set and from the inliers; whether the budget was used up before the stopping
+  /// rules were met.
   const Model& best() const { return best_; }
   int iterations() const { return iterations_; }
   bool exhausted() const { return exhausted_; }
@@ -239,13 +239,13 @@ class ProsacSearch {
     return improved;
   }
 
-  Problem* problem_ = nullptr;  // of the run
+  Problem* problem_ = nullptr;  // problem of the run
   util::Random random_{0};      // for sampleSupport()
   Model best_{};
   float best_cost_ = 0.0F;
   int iterations_ = 0;
   bool exhausted_ = false;
-  std::vector<std::uint8_t> inlier_;  // of the best, in order of quality
+  std::vector<std::uint8_t> inlier_;  // inliers of the best model, in order of quality
   std::vector<std::size_t> support_;  // indices of its inliers
   ProsacSample sample_;
   ProsacStopping stopping_;

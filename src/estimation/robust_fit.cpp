@@ -28,7 +28,7 @@ void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacob
 }
 
 Information inverseOf(const util::SmallRef& squares) {
-  constexpr double kSingular = 1e-14;  // of the largest pivot: rounding
+  constexpr double kSingular = 1e-14;  // share of the largest pivot: rounding
   const Eigen::Index p = squares.rows();
   const Eigen::LDLT<Information> ldlt(squares);
   const auto pivots = ldlt.vectorD();

@@ -22,13 +22,13 @@ using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostPara
 /// Sums over the measurements at one state. e: residuals of a measurement, J: their Jacobian by the
 /// step, w = t c: its weight (see RobustWeights).
 struct NormalEquations {
-  Information squares;       ///< of J' w J
-  Step gradient;             ///< of J' w e
-  double weight = 0.0;       ///< of w
-  double derivative = 0.0;   ///< of c d(t e)/de, the mean over the directions of e
-  double square = 0.0;       ///< of c t² e²
-  double cost = 0.0;         ///< of w e²
-  double former_cost = 0.0;  ///< of w e², with the weights of the state before
+  Information squares;       ///< sum of J' w J
+  Step gradient;             ///< sum of J' w e
+  double weight = 0.0;       ///< sum of w
+  double derivative = 0.0;   ///< sum of c d(t e)/de, the mean over the directions of e
+  double square = 0.0;       ///< sum of c t² e²
+  double cost = 0.0;         ///< sum of w e²
+  double former_cost = 0.0;  ///< sum of w e², with the weights of the state before
 };
 
 struct FitRules {
@@ -36,7 +36,7 @@ struct FitRules {
   double converged = 1e-5;  ///< largest entry of the last step
   /// Largest entry of a step; longer ones are damped.
   double longest = std::numeric_limits<double>::infinity();
-  double least_scale = 0.0;  ///< of the errors
+  double least_scale = 0.0;  ///< least scale of the errors
   double first_damping = 0.0;
   /// Most that a step is lengthened, see findStep().
   double lengthening = 2.0;

@@ -80,13 +80,13 @@ bool mayBeTransparent(const std::string& file) {
   const std::string begin = firstBytes(file, kSearched);
   if (begin.compare(0, 3, "\xFF\xD8\xFF") == 0) return false;
   if (begin.compare(1, 3, "PNG") != 0) return true;
-  constexpr std::size_t kKind = 25;  // of the pixels
+  constexpr std::size_t kKind = 25;  // byte with the kind of the pixels
   constexpr int kOpacity = 4;
   return begin.size() > kKind &&
          ((begin[kKind] & kOpacity) != 0 || begin.find("tRNS") != std::string::npos);
 }
 
-/// What lies under transparent pixels is not part of the picture.
+/// Grey values under transparent pixels are not part of the picture.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
   cv::Mat opacity;

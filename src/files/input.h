@@ -18,7 +18,7 @@ class FileError : public std::runtime_error {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// What a file is that the libraries here cannot read, by its first bytes, and what to do: "is a
+/// Kind of a file that the libraries here cannot read, by its first bytes, and the remedy: "is a
 /// HEIC picture; convert it ...". Empty where that is not known.
 std::string unreadableFormat(const std::string& file);
 

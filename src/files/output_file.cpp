@@ -110,7 +110,7 @@ std::string leftName(const std::string& target) {
   return {};
 }
 
-/// For the newest error of the system.
+/// Throws FileError with the newest error of the system.
 [[noreturn]] void fail(const std::string& path) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }

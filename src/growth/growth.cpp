@@ -33,7 +33,7 @@ struct Seed {
   std::int32_t pair;  // in that view
 };
 
-/// What the nearest neighbours in the whole image say of a hypothesis; see ShiftVotes.
+/// Support of a hypothesis by the nearest neighbours in the whole image; see ShiftVotes.
 struct Standing {
   bool is_known = false;  ///< false: the views differ too much for nearest neighbours
   double share = 0.0;
@@ -105,8 +105,8 @@ struct HomographyGrowth::Impl {
   std::vector<std::int32_t> voters;
   growth::Places near, near_in_target;     // places of the voters
   std::vector<Eigen::Matrix3d> tried;      // maps that the seeds grew to
-  std::vector<Grown> grown;                // the same; only the first `grown_count` are valid
-  std::vector<growth::Standing> standing;  // of `grown`
+  std::vector<Grown> grown;                // grown maps; only the first `grown_count` are valid
+  std::vector<growth::Standing> standing;  // standing of each of `grown`
   std::size_t grown_count = 0;
   std::size_t start_place = 0;       // place of the start among them; behind all if there is none
   std::vector<std::size_t> order;    // order of `grown`, the best first

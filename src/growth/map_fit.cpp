@@ -41,7 +41,7 @@ void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8
   products += value * weighted;
 }
 
-/// Not mirrored, and all places on the near side of the horizon.
+/// Whether the map does not mirror, and all places are on the near side of the horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const Eigen::Vector2d& place) {

@@ -23,7 +23,7 @@ class ShiftVotes {
  public:
   struct Peak {
     Eigen::Vector2d shift{0.0, 0.0};   ///< px of the target
-    Eigen::Vector2d centre{0.0, 0.0};  ///< of the voters, px of the reference
+    Eigen::Vector2d centre{0.0, 0.0};  ///< centre of the voters, px of the reference
     double votes = 0.0;                ///< once per 12x12 px of either image
     double seen = 0.0;                 ///< pairs that the target could show
     double share() const { return votes / (seen > 1.0 ? seen : 1.0); }
@@ -52,8 +52,8 @@ class ShiftVotes {
   Peak own_;
   std::vector<Peak> others_;
   std::vector<std::size_t> near_;                      // votes near each one
-  std::vector<std::size_t> order_;                     // of votes_, the most crowded first
-  std::array<std::vector<std::uint64_t>, 2> cells_{};  // of the voters, in either image
+  std::vector<std::size_t> order_;                     // order of votes_, the most crowded first
+  std::array<std::vector<std::uint64_t>, 2> cells_{};  // cells of the voters, in either image
 };
 
 }  // namespace ktgp_orb::growth

@@ -12,7 +12,7 @@ namespace {
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
 constexpr double kAboveLargest = 1.5;
-constexpr double kRounds = 10.0;  // of growth
+constexpr double kRounds = 10.0;  // rounds of a growth
 constexpr float kCell = 12.F;     // px; two patches at this distance share half of their width
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
@@ -42,7 +42,7 @@ double logChance(double count, double mean, double spread) {
   if (mean <= 0.0) return -std::numeric_limits<double>::infinity();
   double exponent = count * std::log(count / mean) - count + mean;
   if (spread > kPoisson) {
-    const double size = mean / (spread - 1.0);  // of the negative binomial
+    const double size = mean / (spread - 1.0);  // size of the negative binomial distribution
     exponent = count * std::log(count * (mean + size) / (mean * (count + size))) +
                size * std::log((mean + size) / (count + size));
   }
@@ -222,7 +222,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
     all_chances += decoy.chances;
   }
   chance.rate = sum / all_chances;
-  double squares = 0.0;  // of their excess over the expected number
+  double squares = 0.0;  // squared excess over the expected number
   for (const Decoy& decoy : decoys_) {
     const double expected = chance.rate * std::max(decoy.chances, 1.0);
     const double excess = std::min(decoy.counts[k], most) - expected;
@@ -234,10 +234,10 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
-  constexpr double kDeviations = 2.0;  // of the difference of two counts
+  constexpr double kDeviations = 2.0;  // deviations of the difference of two counts
   constexpr double kElsewhere = 10.0;  // px of the target
   constexpr std::size_t kShare = 4;    // one in so many
-  constexpr double kSide = 32.0;       // of a cell, px
+  constexpr double kSide = 32.0;       // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);
   const double both = std::max(evidence(grown) + evidence(rival), 0.0);
   if (difference > kDeviations * std::sqrt(both)) return false;

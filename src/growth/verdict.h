@@ -97,9 +97,9 @@ class Verdict {
   void include(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
-  Counts largest_{};                  // of all decoys and repeats, matches per opportunity
+  Counts largest_{};  // largest rates of all decoys and repeats, matches per opportunity
   std::vector<cv::Point2f> repeats_;  // px
-  std::vector<int> bin_votes_;        // of displacements
+  std::vector<int> bin_votes_;        // votes for each bin of displacements
   std::vector<cv::Point2f> bin_sums_;
   std::vector<std::size_t> bin_order_;
   std::vector<LocalMatch> matches_;

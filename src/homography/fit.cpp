@@ -75,7 +75,7 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
   constexpr std::size_t kEnough = 200;  // best pairs; more would not find more
-  constexpr double kScales = 3.0;       // of the errors within the limit
+  constexpr double kScales = 3.0;       // scales of the errors within the limit
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;

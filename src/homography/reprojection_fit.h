@@ -67,11 +67,11 @@ class ReprojectionFit {
   Problem problem_;
   estimation::RobustFit<Problem> fit_;
   bool by_cell_ = false;              // the factors of the weights differ
-  std::vector<double> factor_;        // of each pair
-  std::vector<std::size_t> cell_;     // of each pair
+  std::vector<double> factor_;        // factor of each pair
+  std::vector<std::size_t> cell_;     // cell of each pair
   std::vector<std::size_t> in_cell_;  // number of pairs
   double variance_factor_ = 0.0;      // covariance over (J^T w J)^-1, after minimise()
-  Matrix8 by_squares_;                // of J^T c w J, after minimise() by cell
+  Matrix8 by_squares_;                // sum of J^T c w J, after minimise() by cell
 };
 
 }  // namespace ktgp_orb::homography

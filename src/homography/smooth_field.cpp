@@ -33,7 +33,7 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  constexpr double kLength = 0.6;  // of the diagonal: see the measurement in method.md
+  constexpr double kLength = 0.6;  // share of the diagonal: see the measurement in method.md
   // Eight entries explain nearly all errors of fewer pairs.
   constexpr std::size_t kFewest = 12;
   FieldFit result;
@@ -47,7 +47,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   PairSums of_pairs = sumPairs();
   sumNear(scales.nearby, of_pairs);
   const double chosen = static_cast<double>(pairs_.size());
-  const double each_of_all = static_cast<double>(pairs.size) / chosen;  // that a pair stands for
+  const double each_of_all =
+      static_cast<double>(pairs.size) / chosen;  // pairs that a chosen pair stands for
   result.shared_patches = 1.0 + 2.0 * each_of_all * of_pairs.near_overlap / chosen;
 
   const Matrix8 inverse = estimation::inverseOf(curvature * expanded(of_pairs.first));
@@ -104,7 +105,7 @@ SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const Cell
 
 void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
                                  const Moment& single, FieldFit& result) {
-  constexpr double kCommon = 0.02;  // of the variance of the noise, see FieldFit
+  constexpr double kCommon = 0.02;  // share of the variance of the noise, see FieldFit
   // A field that is correlated over most of the image gives about this many independent values.
   // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
   constexpr double kFreedom = 6.0;
@@ -157,7 +158,7 @@ SmoothField::CellSums SmoothField::sumCells() const {
     for (std::size_t column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[row * columns_ + column];
       if (cell.weight == 0.0) continue;
-      Slope around = Slope::Zero();  // of the cell and the eight adjacent ones
+      Slope around = Slope::Zero();  // sum over the cell and the eight adjacent ones
       for (std::size_t y = row - std::min<std::size_t>(row, 1); y < std::min(row + 2, rows_); ++y) {
         for (std::size_t x = column - std::min<std::size_t>(column, 1);
              x < std::min(column + 2, columns_); ++x) {
@@ -221,7 +222,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
 /// estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
-  constexpr double kMedian = 1.386;  // of squared errors over the variance per coordinate
+  constexpr double kMedian = 1.386;  // median of squared errors over the variance per coordinate
   squared_.clear();
   for (const Pair& pair : pairs_) squared_.push_back(pair.error.squaredNorm());
   const auto middle = squared_.begin() + static_cast<std::ptrdiff_t>(squared_.size() / 2);

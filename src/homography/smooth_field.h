@@ -26,7 +26,7 @@ struct FieldFit {
   double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
   double noise_variance =
-      0.0;  ///< of the noise per coordinate, units as `variance`; 0: too few pairs
+      0.0;  ///< variance of the noise per coordinate, units as `variance`; 0: too few pairs
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// The same for rounding errors of variance 1 (see SmoothField).
@@ -94,14 +94,14 @@ class SmoothField {
     double measured = 0.0;
     double of_field = 0.0;
     double of_noise = 0.0;
-    double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
+    double deviation = 0.0;  // deviation of `measured`, for sigma² = 1 and no field
   };
   /// Sums over the pairs of J'J times w, w² and w³; of w² and w² r².
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
     Matrix8 second = Matrix8::Zero();
     Matrix8 third = Matrix8::Zero();
-    Slope slope = Slope::Zero();  // of w J
+    Slope slope = Slope::Zero();  // sum of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
     // Over two pairs each that share noise: of the share of a patch that is common, of w w, and of
@@ -117,9 +117,9 @@ class SmoothField {
     Matrix8 near = Matrix8::Zero();        // weight V' smoothed
     Matrix8 near_noise = Matrix8::Zero();  // V' slope2
     Matrix8 fitted = Matrix8::Zero();      // V' slope
-    double product = 0.0;   // of the errors of two cells that touch, or of one with itself
+    double product = 0.0;   // product of the errors of two cells that touch, or of one with itself
     double pairs = 0.0;     // w w of the pairs in them, each with itself too
-    double expected = 0.0;  // of that, for tau² = 1 and without a fit
+    double expected = 0.0;  // expected product, for tau² = 1 and without a fit
   };
 
   /// A^-1, and A^-1 J'W K W J A^-1 for a field with tau² = 1 and for noise with sigma² = 1.

@@ -80,7 +80,7 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 }
 
 bool scaleLastToOne(Eigen::Matrix3d& homography) {
-  constexpr double kNearZero = 1e-9;  // of H's length
+  constexpr double kNearZero = 1e-9;  // share of H's length
   const bool possible = std::abs(homography(2, 2)) > kNearZero * homography.norm();
   homography /= possible ? homography(2, 2) : homography.norm();
   return possible;
@@ -188,7 +188,7 @@ Matrix9x8 derivativeBySecondFactor(const Eigen::Matrix3d& a) {
   return j;
 }
 
-/// Of the first eight entries of C / C(2,2).
+/// Derivative of the first eight entries of C / C(2,2).
 Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d& c) {
   Matrix8 j;
   for (int i = 0; i < 8; ++i) {

@@ -32,7 +32,7 @@ class HomographyVerdict {
   bool explainable(const PointPairs& pairs, double threshold, double covered_area,
                    double log_limit);
 
-  std::vector<double> squared_error_;  // of the inliers, px²; one entry for each pair
+  std::vector<double> squared_error_;  // squared error of the inliers, px²; one entry for each pair
   std::vector<std::size_t> inliers_;
   std::vector<std::size_t> counted_;  // inliers that count
 };

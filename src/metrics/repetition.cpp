@@ -55,7 +55,7 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
 
 /// Without what varies slowly: shades look alike wherever they are.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // of the longer side
+  constexpr double kSlow = 0.08;  // share of the longer side
   cv::Mat shades, rest;
   cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);

@@ -112,11 +112,11 @@ struct Mosaic::Impl {
   cv::Mat exposed;  // colour with the brightness of the map
 
   std::optional<Eigen::Matrix3d> last;      // map -> the last frame with a known position
-  std::int64_t last_stamp = 0;              // of that
+  std::int64_t last_stamp = 0;              // stamp of that frame
   std::optional<Features> last_features;    // its own, unless it is a keyframe
-  std::optional<Eigen::Vector2d> velocity;  // of its middle, px of the map a ns
-  std::optional<Eigen::Matrix3d> pose;      // of the last placed frame
-  Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
+  std::optional<Eigen::Vector2d> velocity;  // velocity of its middle, px of the map per ns
+  std::optional<Eigen::Matrix3d> pose;      // pose of the last placed frame
+  Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // pose of the last drawn frame
   std::int64_t followed = 0;                            // stamp of the newest homography
   std::int64_t interval = 0;                            // ns between two homographies
   std::int64_t after_gap = 0;                           // stamp of the last one that came late
@@ -264,7 +264,8 @@ struct Mosaic::Impl {
     return Placement::new_map;
   }
 
-  /// Of the places where the map and the chain have the frame. Sets `reason` where it is empty.
+  /// Chooses among the places where the map and the chain have the frame. Sets `reason` where it is
+  /// empty.
   std::optional<Eigen::Matrix3d> search(std::int64_t stamp, const Features& features,
                                         const std::optional<Eigen::Matrix3d>& by_chain) {
     std::optional<Eigen::Matrix3d> found = by_chain;

@@ -66,7 +66,7 @@ struct GroundMotion::Impl {
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before that
   bool has_frame = false;
-  std::optional<std::int64_t> apart_stamp;  // of the newest frame, if it went back
+  std::optional<std::int64_t> apart_stamp;  // stamp of the newest frame, if it went back
   int looks_away = 0;                       // normals that say so, one after the other
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();

@@ -28,7 +28,7 @@ constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
 constexpr double kLargest = 0.35;  // rad
 // Successive differences share a block, so their errors are not independent. Measured on flights.
 constexpr double kShared = 1.5;
-// Of a block: least deviation of the noise; least turn, and change of the rate, that show
+// Limits of a block: least deviation of the noise; least turn, and change of the rate, that show
 // something.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad

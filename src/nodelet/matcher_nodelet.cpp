@@ -287,7 +287,7 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.view = {};  // without the camera: the two images may come from elsewhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  const char* image = "reference: ";  // of an error that does not name the image
+  const char* image = "reference: ";  // for an error that does not name the image
   try {
     MessageMatcher matcher(configuration);
     image = "target: ";

@@ -60,7 +60,7 @@ class MosaicWork {
   image_transport::Publisher pictures_;
   ros::Publisher poses_;
   Mosaic mosaic_;
-  cv::Size size_;  // of the newest image
+  cv::Size size_;  // size of the newest image
   MosaicConfig config_;
   std_msgs::Header last_header_;                    // header of the last placed image
   std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive

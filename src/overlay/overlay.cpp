@@ -216,7 +216,7 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-/// What the two-view geometry adds to the headline.
+/// Part of the headline about the two-view geometry.
 std::string motionText(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
   std::string text;

@@ -146,7 +146,7 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 /// much less likely is left out.
 void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
   constexpr double kSame = 1e-4;         // rad
-  constexpr double kLeastShare = 0.001;  // of the likelihood
+  constexpr double kLeastShare = 0.001;  // share of the likelihood
   constexpr double kFreedom = 2.0;       // entries of H beyond a pose's six
   constexpr double kMostMisfit = 9.21;   // chi-square of two degrees of freedom, 99 %
   if (poses.empty()) {
@@ -186,7 +186,7 @@ GridPoints gridOf(const cv::Size& size) {
   return points;
 }
 
-/// Of the mapped points by the homography's entries.
+/// Derivative of the mapped points by the homography's entries.
 util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& homography) {
   util::SmallMatrix jacobian(2 * kGridPoints, 8);
   for (int i = 0; i < kGridPoints; ++i) {

@@ -56,7 +56,7 @@ struct Match {
   std::optional<Motion> motion;
   std::optional<Motion> other;
   std::optional<Eigen::Matrix3d> fundamental;
-  std::map<std::string, double> numbers;  ///< of two_view::visitNumbers
+  std::map<std::string, double> numbers;  ///< numbers of two_view::visitNumbers
   std::vector<Eigen::Vector3d> points;
   std::vector<double> point_deviations;
   std::vector<std::int32_t> point_matches;

@@ -226,7 +226,7 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  constexpr double kScale = 0.04;  // of noise it is within 0.02
+  constexpr double kScale = 0.04;  // noise alone gives less than 0.02
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
   }

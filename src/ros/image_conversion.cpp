@@ -37,7 +37,7 @@ struct Format {
   std::string encoding;
   int type;              ///< OpenCV's type of the pixels
   int to_grey;           ///< OpenCV's conversion; kNoCode for grey pixels
-  int to_bgr = kNoCode;  ///< of pixels with brightness and colour apart
+  int to_bgr = kNoCode;  ///< code for pixels with brightness and colour apart
 };
 
 /// All image encodings; uyvy, yuyv and the nv... are of newer versions of sensor_msgs. OpenCV names
@@ -188,7 +188,7 @@ cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   return image;
 }
 
-/// What a compressed image shows, without the header of compressedDepth. Throws RefusedImage.
+/// The picture of a compressed image, without the header of compressedDepth. Throws RefusedImage.
 cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   const auto refuse = [&](const std::string& why) {
     throw RefusedImage(kUndecoded + ("(format " + util::quoted(message.format)) + ") " + why);

@@ -92,7 +92,7 @@ cv::Mat notBlack(const cv::Mat& image);
 /// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile, and
 /// for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
-/// What is wrong with a mask that hides nothing, in words; empty for others, and for none.
+/// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
 std::string idleMask(const cv::Mat& mask);
 
 /// An image file as a mono8 message, or mono16 if the file has 16 bits, with stamp zero; null for

@@ -75,7 +75,7 @@ bool Repeats::isInLowerGroup(double difference) {
   constexpr double kLeast = 0.05;  // grey levels, below which there is no noise of a compression
   constexpr double kApart = 2.5;   // times; copies of one compression differ by a factor of 1.2
   constexpr double kAlike = 2.0;   // times, in the lower group
-  constexpr int kTimes = 3;        // that it alternates
+  constexpr int kTimes = 3;        // alternations that are needed
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};
   const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());

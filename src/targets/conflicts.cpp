@@ -76,7 +76,7 @@ double areaOf(const std::vector<Eigen::Vector2d>& points) {
 
 /// Whether the points by which it was found are spread over most of its picture.
 bool coversPicture(const FoundTarget& one, TargetStore& store) {
-  constexpr double kShare = 0.6;  // of the area
+  constexpr double kShare = 0.6;  // share of the area
   return areaOf(one.pairs.reference) > kShare * store.picture(one.picture).image.size().area();
 }
 
@@ -109,7 +109,7 @@ bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
 /// Whether the points by which it was found are spread over most of the part of its picture that
 /// has keypoints.
 bool coversTexture(const FoundTarget& one, TargetStore& store) {
-  constexpr double kShare = 0.6;  // of the area
+  constexpr double kShare = 0.6;  // share of the area
   const TargetPicture& picture = store.picture(one.picture);
   Eigen::AlignedBox2d all;
   for (std::size_t i = 0; i < picture.own; ++i) {

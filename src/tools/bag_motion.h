@@ -76,11 +76,11 @@ class BagMotion {
   Readings<sensor_msgs::Range> ranges_;
   Readings<sensor_msgs::Imu> imus_;
   Readings<geometry_msgs::TransformStamped> transforms_;
-  ros::Time last_;  // of the newest image
+  ros::Time last_;  // stamp of the newest image
   std::string rows_;
-  /// What was wrong with frames, without its numbers: how many, and the first in full.
+  /// Faults of frames, by their text without numbers: how many, and the first in full.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
-  std::string shutter_;             // of the newest frame with motion
+  std::string shutter_;             // shutter of the newest frame with motion
   std::optional<ImuMounting> imu_;  // the last one that was known
   std::size_t frames_ = 0;
   std::size_t known_ = 0;

@@ -13,11 +13,11 @@
 
 namespace ktgp_orb::tools {
 
-/// What to search in the images; empty path: nothing.
+/// Targets to search in the images; empty path: none.
 struct TargetsInput {
   std::string path;                     ///< folder of images, or YAML list
   std::string calibration = "by_name";  ///< kind of the images
-  double readout_time = -1.0;           ///< of the shutter, s; below 0: not known
+  double readout_time = -1.0;           ///< readout time of the shutter, s; below 0: not known
 };
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);
@@ -37,7 +37,7 @@ class BagTargets {
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
-  /// What the nodelet's ~detections has; null if nothing was wanted. Throws RefusedImage.
+  /// The message of the nodelet's ~detections; null if nothing was wanted. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
   /// The outcome in a line for users; empty if nothing was wanted.
   std::string report() const;

@@ -68,7 +68,7 @@ class SteadyVideo {
     std::int64_t stamp = 0;
     cv::Size size;
     std::optional<Eigen::Matrix3d> step;  ///< from the previous frame
-    int repeats = 0;                      ///< of its image
+    int repeats = 0;                      ///< repetitions of its image
   };
   struct Waiting {
     cv::Mat image;
@@ -79,7 +79,7 @@ class SteadyVideo {
   struct Shake {
     double sum = 0.0;
     double count = 0.0;
-    std::vector<Eigen::Matrix3d> steps;  ///< of the newest part
+    std::vector<Eigen::Matrix3d> steps;  ///< steps of the newest part
     void finishPart(const cv::Size& size);
     double mean() const { return count > 0.0 ? sum / count : 0.0; }
   };
@@ -94,7 +94,7 @@ class SteadyVideo {
   files::Outputs& outputs_;
   tools::VideoFile video_;
   FramePath path_;
-  std::vector<Frame> frames_;  ///< of the whole recording
+  std::vector<Frame> frames_;  ///< frames of the whole recording
 
   Stabilizer stabilizer_;
   /// Frames whose position is not known yet, and their steps.
@@ -141,8 +141,8 @@ class BagViews {
   std::size_t maps_ = 0;  // written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t repeated_ = 0;  // of the lost ones: the ground repeats
-  std::size_t zoomed_ = 0;    // of the lost ones: beyond the range of scales
+  std::size_t repeated_ = 0;  // lost frames on ground that repeats
+  std::size_t zoomed_ = 0;    // lost frames beyond the range of scales
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -74,7 +74,7 @@ void addMotion(const geometry_msgs::PoseWithCovariance& motion, files::CsvRow& r
   }
 }
 
-/// What is not known stays empty.
+/// Unknown values stay empty.
 void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
   static const std::size_t motion = countOf(motionColumns(""));
   if (view == nullptr) {

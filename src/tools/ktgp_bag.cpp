@@ -51,7 +51,7 @@ struct Arguments {
   bool overlay = false;
   std::string draw;
   double rate = 0.0;     ///< 1/s; 0: the times of the recording
-  int longest_side = 0;  ///< of images of a pattern, px; 0: as they are
+  int longest_side = 0;  ///< longest side of images of a pattern, px; 0: as they are
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
@@ -103,7 +103,7 @@ std::string outputNames(const std::string& name, const std::string& topic, const
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
-/// Of the videos that are written.
+/// Rate of the videos that are written.
 double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
   const bool video = kindOf(arguments.in) == InputKind::video;
@@ -194,7 +194,7 @@ class Run {
   }
 
  private:
-  /// What was found, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
+  /// The findings, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
   std::string successes(std::size_t found) const {
     if (!finds_motions_) return std::to_string(found) + " homographies";
     std::string kinds;
@@ -240,7 +240,7 @@ class Run {
            others + '\n';
   }
 
-  /// Of a recording whose images are seldom; empty for others.
+  /// Advice for a recording whose images are seldom; empty for others.
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
@@ -356,7 +356,7 @@ class Run {
   std::map<Doubt, std::size_t> doubts_;
   std::vector<double> inliers_;       // where a geometry was found
   std::vector<double> parallaxes_;    // degrees, of motions
-  std::vector<double> milliseconds_;  // of all images
+  std::vector<double> milliseconds_;  // times of all images
   std::vector<double> steps_;         // s, from one image to the next
   ros::Time last_stamp_;
   std::size_t gaps_ = 0;  // images after a longer time than max_age_

@@ -28,7 +28,7 @@ const char* whyNotRun(const StageResult& stage, const MatcherOptions& options) {
   return stage.id >= StageId::prosac && stage.milliseconds == 0.0 ? "not needed" : "";
 }
 
-/// What the numbers of a stage do not say.
+/// Remarks on a stage beside its numbers.
 std::string noteOn(const StageResult& stage, const MatchResult& result,
                    const MatcherOptions& options) {
   switch (stage.id) {
@@ -174,7 +174,7 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   return util::joined(causes, ", ");
 }
 
-/// What to try where nothing was found, and why.
+/// Advice where nothing was found, with the reason.
 std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.pair.match.status == Status::too_few_features) {

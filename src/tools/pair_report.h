@@ -12,14 +12,14 @@
 
 namespace ktgp_orb::tools {
 
-/// What ktgp_match knows about its two images.
+/// The results of ktgp_match for its two images.
 struct Outcome {
   std::string reference_file;
   std::string target_file;
   PairMatch pair;
   MatchHints hints;
-  // Of the matches left after each of the four stages:
-  std::array<metrics::ErrorSummary, 4> distances;  ///< of the descriptors
+  // Errors of the matches left after each of the four stages:
+  std::array<metrics::ErrorSummary, 4> distances;  ///< distances of the descriptors
   std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without one
   std::optional<Eigen::Matrix3d> truth;
 };

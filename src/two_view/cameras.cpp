@@ -18,7 +18,7 @@ namespace {
 void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& whose) {
   const std::string name = "the K of the " + whose + " camera";
   util::requireK(name, k, size);
-  constexpr double kMostRatio = 4.0;  // of the sides of a pixel
+  constexpr double kMostRatio = 4.0;  // ratio of the sides of a pixel
   util::requireInRange("fx / fy of " + name, k(0, 0) / k(1, 1), 1.0 / kMostRatio, kMostRatio);
   util::requirePrincipalPoint(name, k, size);
 }

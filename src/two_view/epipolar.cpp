@@ -327,7 +327,7 @@ std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::siz
 
 bool EpipolarFit::step(double reach, Epipolar& geometry) {
   constexpr std::size_t kEnough = 200;  // best pairs
-  constexpr double kScales = 3.0;       // of the errors within the limit
+  constexpr double kScales = 3.0;       // scales of the errors within the limit
   fit_.weights().setScale(reach / kScales);
   const auto freedom = static_cast<std::size_t>(problem_.pairs->freedom());
   const std::size_t n = select(geometry, reach, kEnough);

@@ -95,7 +95,7 @@ struct SampsonProblem {
 
   const EpipolarPairs* pairs = nullptr;
   homography::PointArrays<double> points;  ///< the selected ones
-  std::vector<double> precision;           ///< of each of them
+  std::vector<double> precision;           ///< precision of each of them
 
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const {
     return pairs->moved(geometry, step);
@@ -142,7 +142,7 @@ class EpipolarFit {
   estimation::RobustFit<SampsonProblem> fit_;
   std::vector<std::uint8_t> near_;
   std::vector<std::uint8_t> used_;
-  std::vector<std::size_t> cell_;  // of each selected pair
+  std::vector<std::size_t> cell_;  // cell of each selected pair
   estimation::ClusteredMeat clusters_;
   std::vector<int> group_;  // of each pair, for the jackknife
   int left_out_ = -1;       // group; -1: none
@@ -179,7 +179,7 @@ class EpipolarProblem {
 
   const EpipolarPairs* pairs_ = nullptr;
   EpipolarFit fit_;
-  std::vector<Eigen::Matrix3d> solutions_;  // of a sample
+  std::vector<Eigen::Matrix3d> solutions_;  // solutions of a sample
   std::vector<Epipolar> models_;
 };
 

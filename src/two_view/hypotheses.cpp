@@ -111,7 +111,7 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 /// The sign of a translation is in the chirality alone, so both signs of each are judged.
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;      // fits
-  constexpr float kMostCost = 2.0F;     // of the best start
+  constexpr float kMostCost = 2.0F;     // factor on the cost of the best start
   constexpr double kLeastScale = 0.07;  // limits, 0.1 px: smooth errors, which no scale shows
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });

@@ -13,7 +13,7 @@ struct Hypothesis {
   Epipolar geometry;
   double gain = 0.0;            ///< see Hypotheses
   double probability = 0.0;     ///< among those in the list
-  std::vector<double> gains{};  ///< of each pair
+  std::vector<double> gains{};  ///< gain of each pair
 };
 
 /// All motions that may explain the pairs, and their judge.
@@ -58,9 +58,9 @@ class Hypotheses {
   const EpipolarPairs* pairs_ = nullptr;
   EpipolarFit fit_;
   double range_ = 1.0;
-  double scale_ = 1.0;             // of the distances
-  double share_[2] = {0.5, 0.5};   // of right pairs: precise ones, others
-  std::vector<std::size_t> cell_;  // of each pair
+  double scale_ = 1.0;             // scale of the distances
+  double share_[2] = {0.5, 0.5};   // shares of right pairs: precise ones, others
+  std::vector<std::size_t> cell_;  // cell of each pair
   std::vector<double> off_plane_;  // distance of each pair over its deviation
   mutable std::vector<double> cells_;
   std::vector<std::pair<float, Epipolar>> starts_;  // with their costs

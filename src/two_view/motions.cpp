@@ -25,7 +25,7 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography) {
-  constexpr double kLeast = 1e-9;  // of the plane's distance: rounding
+  constexpr double kLeast = 1e-9;  // share of the plane's distance: rounding
   cv::Matx33d calibrated;
   cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
                calibrated);

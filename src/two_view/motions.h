@@ -15,7 +15,7 @@ namespace ktgp_orb::two_view {
 struct PlanarMotion {
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;  ///< over the distance of the plane
-  Eigen::Vector3d normal;       ///< of length 1
+  Eigen::Vector3d normal;       ///< unit vector
 
   RelativePose pose() const { return {rotation, translation.normalized()}; }
 };
@@ -42,7 +42,7 @@ struct RotationProblem {
   static constexpr int kParameters = 3;
 
   const Cameras* cameras = nullptr;
-  std::vector<Eigen::Vector3d> rays;     ///< of the reference
+  std::vector<Eigen::Vector3d> rays;     ///< rays of the reference
   std::vector<Eigen::Vector2d> targets;  ///< px
   std::vector<double> precision;         ///< inverse relative deviations
 
@@ -66,11 +66,11 @@ class RotationFit {
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
-  /// Of small rotations about the target camera's axes, rad². It has the noise, errors of the
-  /// deviation `shared`, px, that vary linearly over the image, and what a parallax can change that
-  /// does not show: `unseen`, px.
+  /// Covariance of small rotations about the target camera's axes, rad². It has the noise, errors
+  /// of the deviation `shared`, px, that vary linearly over the image, and what a parallax can
+  /// change that does not show: `unseen`, px.
   Eigen::Matrix3d covariance(double shared, double unseen) const;
-  /// Of one coordinate, px.
+  /// Standard deviation of one coordinate, px.
   double scale() const { return fit_.weights().scale(); }
   std::size_t size() const { return problem_.targets.size(); }
 

@@ -74,9 +74,10 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
   return count;
 }
 
-using Linear = Eigen::Array<double, 4, 1>;      // of x y z 1
-using Quadratic = Eigen::Array<double, 10, 1>;  // of xx xy yy xz yz zz x y z 1
-/// Of xxx yyy xxy xyy xxz xx yyz yy xyz xy, then xzz xz x yzz yz y zzz zz z 1 (Nister's order).
+using Linear = Eigen::Array<double, 4, 1>;      // coefficients of x y z 1
+using Quadratic = Eigen::Array<double, 10, 1>;  // coefficients of xx xy yy xz yz zz x y z 1
+/// Coefficients of xxx yyy xxy xyy xxz xx yyz yy xyz xy, then xzz xz x yzz yz y zzz zz z 1
+/// (Nister).
 using Cubic = Eigen::Array<double, 20, 1>;
 
 Quadratic product(const Linear& a, const Linear& b) {
@@ -210,7 +211,7 @@ Eigen::Matrix3d matrixOf(const Eigen::Matrix<double, 9, 1>& rows) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
 }
 
-/// An orthonormal basis of what the pairs leave open, columns row by row.
+/// Basis of the null space of the constraints, columns row by row.
 template <int Pairs>
 Eigen::Matrix<double, 9, 9 - Pairs> openSpace(const Eigen::Matrix<double, 3, Pairs>& reference,
                                               const Eigen::Matrix<double, 3, Pairs>& target) {

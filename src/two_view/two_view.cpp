@@ -78,8 +78,8 @@ struct TwoViewEstimator::Impl {
   ProsacHomography prosac;
   ProsacResult plane;
   bool has_plane = false;
-  double log_plane = 0.0;     // of the homography
-  double log_rotation = 0.0;  // of the rotation
+  double log_plane = 0.0;     // log of the homography's false alarms
+  double log_rotation = 0.0;  // log of the rotation's false alarms
   double log_epipolar = 0.0;
   two_view::RotationFit turn;
   std::optional<two_view::Cameras> cameras;
@@ -87,12 +87,12 @@ struct TwoViewEstimator::Impl {
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
   estimation::ProsacSearch<EpipolarProblem> search;
-  two_view::EpipolarFit fit;  // of the answer
+  two_view::EpipolarFit fit;  // fit of the answer
   two_view::Hypotheses hypotheses;
-  std::vector<two_view::PlanarMotion> planes;  // of the plane that explains the pairs
+  std::vector<two_view::PlanarMotion> planes;  // motions of the plane that explains the pairs
   Epipolar epipolar;
   two_view::Support support;
-  std::vector<double> chance;  // of each pair; more than 1: it does not agree
+  std::vector<double> chance;  // false alarms of each pair; above 1: it does not agree
   std::vector<two_view::Displacement> displaced;
   std::vector<double> angles;
   double fitted_scale = 0.0;  // of the motion whose covariance was asked for, px
@@ -302,7 +302,7 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
   constexpr double kErrors = 4.0 * 1.5;  // scales of Sampson distances, for both coordinates
   constexpr double kLeastScale = 0.1;    // px
   constexpr std::size_t kFew = 8;
-  constexpr double kOutside = 0.1;  // of the moving ones, on each side of the region
+  constexpr double kOutside = 0.1;  // share of the moving pairs, on each side of the region
   constexpr double kResting = 0.3;  // most of the pairs in the region
   constexpr double kLargest = 0.5;  // region, of the area of all
   if (!std::isfinite(log_rotation)) return false;

@@ -19,7 +19,7 @@ SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
 SmallMatrix inverseOf(const SmallRef& matrix);
 /// x with a x = b for each column of b; empty unless the pivots of the symmetric a exceed `least`.
 std::optional<SmallMatrix> solutionOf(const SmallRef& a, const SmallRef& b, double least);
-/// W with W covariance W' = I; empty if the covariance is not positive definite.
+/// A matrix W with W covariance W' = I; empty if the covariance is not positive definite.
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);
 
 struct LeastSquares {

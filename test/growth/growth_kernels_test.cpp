@@ -87,7 +87,7 @@ TEST_P(VoteKernelTest, CountsVotersThatAgree) {
   std::size_t total = 0;
   for (std::size_t count = 0; count < 100; ++count) {
     const std::size_t pitch = count + targets::kReadBeyond;
-    // What lies beyond the last voter would agree.
+    // Values beyond the last voter would agree.
     const SeedMap seed = seedAt(150.F, 150.F, 0.8F);
     const SeedMap same = seedAt(170.F, 150.F, 0.8F);
     std::vector<SeedMap> voters(pitch, same);

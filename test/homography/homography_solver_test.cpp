@@ -395,7 +395,7 @@ TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain)
 
 /// Results over many scenes with known truth.
 struct Consistency {
-  double median = 0.0;        ///< of e' S^-1 e at the corners; 1.39 if S is right
+  double median = 0.0;        ///< median of e' S^-1 e at the corners; 1.39 if S is right
   double within = 0.0;        ///< share below 13.8, the 99.9 % bound
   double noise_within = 0.0;  ///< the same with only the noise's part of S
   double deviation = 0.0;     ///< median of plane_deviation, px
@@ -738,7 +738,7 @@ struct Mean {
   static std::size_t sampleSize() { return 4; }
   std::vector<double> values;
   int samples = 0;
-  int right = 0;  ///< those from the numbers near zero alone
+  int right = 0;  ///< answers from the numbers near zero alone
 
   std::size_t size() const { return values.size(); }
   template <typename Visit>
@@ -850,8 +850,9 @@ TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
   int trusted = 0;
   constexpr int kRuns = 2000;
   for (int run = 0; run < kRuns; ++run) {
-    const double apart = numbers.uniform(10.0, 60.0);   // px
-    const double exponent = numbers.uniform(0.0, 3.0);  // of the errors: many small ones or few
+    const double apart = numbers.uniform(10.0, 60.0);  // px
+    const double exponent =
+        numbers.uniform(0.0, 3.0);  // exponent of the errors: many small ones or few
     const int count = 5 + static_cast<int>(numbers.uniform(0.0, 25.0));
     PointPairs pairs;
     std::vector<double> errors;

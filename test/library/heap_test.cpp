@@ -34,7 +34,7 @@ TEST(HeapCounter, CountsMatrices) {
   EXPECT_GT(calls - before, 0u);
 }
 
-/// What a sequence is matched with.
+/// Options that a sequence is matched with.
 struct Case {
   const char* name;
   void (*change)(SequenceOptions&);

@@ -78,7 +78,7 @@ class FinePicture {
     return picture;
   }
 
-  /// What a camera sees that has moved by whole fine pixels: the picture's content moves by
+  /// View of a camera that has moved by whole fine pixels: the picture's content moves by
   /// (x, y) / kFine px.
   cv::Mat moved(int x, int y) const {
     const cv::Point start(kMargin * kFine - x, kMargin * kFine - y);
@@ -87,7 +87,7 @@ class FinePicture {
     return view;
   }
 
-  /// What a camera sees that has moved by `homography` (px, from the view that has not moved): the
+  /// View of a camera that has moved by `homography` (px, from the view that has not moved): the
   /// mean over 11x11 places in each pixel, each the nearest fine pixel.
   cv::Mat moved(const Eigen::Matrix3d& homography) const {
     constexpr int kPlaces = 11;

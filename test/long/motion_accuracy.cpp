@@ -305,7 +305,7 @@ void save(const std::string& path, const Links& links) {
 struct Noise {
   double range = 0.0;  // share of the height
   double tilt = 0.0;   // rad
-  double turn = 0.0;   // of a gyroscope, rad from frame to frame; 0: there is none
+  double turn = 0.0;   // noise of a gyroscope, rad from frame to frame; 0: there is none
 };
 
 struct Score {
@@ -315,7 +315,7 @@ struct Score {
   double nees = 0.0;             // mean
   double held = 0.0;             // share within the 99.9 % bound
   double bias = 0.0;             // mean velocity error along the motion, share of the speed
-  double pose_nees = 0.0;        // of x and y at the end
+  double pose_nees = 0.0;        // normalised error squared of x and y at the end
   double lost = 0.0;             // share of frames without a twist
   double microseconds = 0.0;     // per frame
   double plane_deviation = 0.0;  // median, px

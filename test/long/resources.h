@@ -22,7 +22,7 @@
 
 #include "robot_testing.h"
 
-/// What a process holds, for long runs in which it must not grow.
+/// Resources of a process, for long runs in which they must not grow.
 namespace ktgp_orb::test {
 
 /// The argument --frames of the program; at least `fewest`, 20 000 without.
@@ -108,7 +108,7 @@ inline double growth(const std::vector<double>& values) {
   return median(3) - median(1);
 }
 
-/// What the process holds after each cycle of a long run.
+/// Resources of the process after each cycle of a long run.
 class Course {
  public:
   /// `is_warm`: from now on, its files and threads may not become more.
@@ -188,8 +188,8 @@ class Feeder {
     return newest_;
   }
 
-  /// Of the answers since the last call: their number, and their median, 99th percentile and
-  /// largest time in ms.
+  /// Figures of the answers since the last call: their number, and their median, 99th percentile
+  /// and largest time in ms.
   struct Times {
     double count, p50, p99, max;
   };

@@ -105,12 +105,12 @@ using test::Held;
 constexpr int kCycle = 1000;                     // frames; then all targets are removed
 constexpr int kStay = 5;                         // cycles per loading of the nodelet
 constexpr std::size_t kFewest = 10, kMost = 30;  // targets
-constexpr int kScenes = 60;                      // of each size
+constexpr int kScenes = 60;                      // scenes of each size
 // MB of growth, without targets. What is in use then varies by a few tenths. Half of the run has
 // some 2000 changes, so 0.3 kB lost with each one are found.
 constexpr double kHeapLimit = 0.5;
 constexpr double kGrowthLimit = 4.0;  // MB of growth of the process
-constexpr double kLeastFound = 0.97;  // of what is known and in view
+constexpr double kLeastFound = 0.97;  // share of the known targets in view
 constexpr double kMaxError = 5.0;     // px; a farther one is not the one that is shown
 
 const std::string kTargets = "/camera/targets/";
@@ -447,7 +447,7 @@ class Soak {
   ros::NodeHandle node_;
   ros::Publisher infos_;
   test::Feeder<TargetDetections> feeder_{"/camera/", kTargets + "detections"};
-  int number_ = 0;  // of the next frame
+  int number_ = 0;  // number of the next frame
   cv::RNG random_{1};
   Known known_;
   Tally tally_;

@@ -270,7 +270,7 @@ TEST(Mosaic, OfPhotographsGoesOnAfterSomeThatShowNothing) {
       EXPECT_EQ(placement, shows_nothing ? Placement::lost : Placement::drawn)
           << seconds << " " << i;
       if (placement == Placement::drawn) {
-        // What comes after the gap is placed by two fifths of a frame.
+        // The first frame after the gap is placed by two fifths of a frame.
         EXPECT_LT(flight.error(), i < 6 ? 1.0 : 4.0) << seconds << " " << i;
       }
     }
@@ -347,7 +347,7 @@ TEST(Mosaic, GapsAtOnePlaceAddNoKeyframes) {
 }
 
 TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
-  // Of a checkerboard: one square to the side and one down.
+  // The period of a checkerboard: one square to the side and one down.
   for (const int square : {16, 24, 40}) {
     EXPECT_NEAR(metrics::shortestPeriod(grey(checkerboard(square, 0.3))), square * std::sqrt(2.0),
                 0.1 * square);
@@ -480,7 +480,8 @@ TEST(Mosaic, BeginsANewMapWhereNothingLeadsOn) {
   EXPECT_EQ(flight.mosaic.area().size(), kSize) << "nothing of the old map is left";
 }
 
-/// Of a camera that flies to and fro in rows, by up to 160 px/s: plane -> image at a time, s.
+/// Homography of a camera that flies to and fro in rows, by up to 160 px/s: plane -> image at a
+/// time, s.
 Eigen::Matrix3d toAndFro(double seconds) {
   const double phase = 0.8 * seconds;
   return viewAt(600.0 - 200.0 * std::cos(phase), 300.0 + 20.0 * seconds,
@@ -489,8 +490,8 @@ Eigen::Matrix3d toAndFro(double seconds) {
 
 /// Root mean squares over points of the ground, px in the map.
 struct MapErrors {
-  double spread = 0.0;  // of where frames place a point, from its mean place
-  double bent = 0.0;    // of its mean place from the true one
+  double spread = 0.0;  // deviation of a point's places from its mean place
+  double bent = 0.0;    // deviation of its mean place from the true one
 };
 
 MapErrors errorsInMap(const test::RollingCamera& camera) {

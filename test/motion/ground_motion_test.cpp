@@ -73,8 +73,8 @@ class Flight : public test::GroundPictures {
   double tilt_noise = 0.0;   // rad
   bool gives_height = true;
   bool gives_down = true;
-  double length_factor = 1.0;  // of the ranges
-  double scale = 1.0;          // of all lengths
+  double length_factor = 1.0;  // factor of the ranges
+  double scale = 1.0;          // factor of all lengths
   int gust_from = 1 << 30;     // frame: from here on 10 m/s more
   bool shuttles = false;       // level at two metres, there and back within sight of one keyframe
 
@@ -149,7 +149,7 @@ class Flight : public test::GroundPictures {
   int frame_ = 0;
 };
 
-/// What is said of the normal, by that angle.
+/// The message about the normal, by that angle.
 void turn(GroundFrame& frame, double angle) {
   frame.down->direction = motion::rotationAbout({angle, 0.0, 0.0}) * frame.down->direction;
 }
@@ -563,7 +563,7 @@ TEST(GroundMotion, FindsTheNormalFromTheMotion) {
   }
 }
 
-/// What a flight does with some wrong readings.
+/// Result of a flight with some wrong readings.
 struct Outcome {
   test::Normalised twists;   // without the frames while the readings are wrong
   double velocity = 0.0;     // largest error after a second of right readings, share of the speed
@@ -793,7 +793,7 @@ TEST(GroundMotion, AJumpThatGoesOnIsBelieved) {
 struct RollingFlight {
   std::function<CameraPose(double)> posed;  // at a time, s
   double readout = 0.0;                     // s
-  double noise = 3e-5;                      // of a pair of points, focal length 1
+  double noise = 3e-5;                      // noise of a pair of points, focal length 1
   double lens = 0.0;                        // radial distortion that nobody knows of
   unsigned seed = 1;
   cv::Size size{640, 480};
@@ -894,7 +894,7 @@ TEST(GroundMotion, TheRollingShutterIsFoundAndTakenOut) {
   EXPECT_EQ(known, frames);
   EXPECT_NEAR(last.readout_time, kReadout, 0.001);
   EXPECT_LT(last.readout_deviation, 0.001);
-  EXPECT_LT(std::sqrt(error / known), 0.05);  // of about 3 m/s
+  EXPECT_LT(std::sqrt(error / known), 0.05);  // the speed is about 3 m/s
 }
 
 // A straight flight at constant speed does not show the shutter. The noise of the pictures must not
@@ -958,8 +958,8 @@ TEST(GroundMotion, AHoverOfMinutesKeepsItsPlaceAndATrueCovariance) {
   EXPECT_GT(twists.mean(), 1.51);
 }
 
-// What a real rig has, all at once: a rolling shutter of 20 ms, an Imu that is 1 degree off and 20
-// ms late, a lens that is .5 px off in the corners, a box below the range sensor, and frames
+// The faults of a real rig, all at once: a rolling shutter of 20 ms, an Imu that is 1 degree off
+// and 20 ms late, a lens that is .5 px off in the corners, a box below the range sensor, and frames
 // without a homography; from take-off over a hover to landing.
 TEST(GroundMotion, AnImperfectRigHasVelocitiesWithATrueCovariance) {
   constexpr double kLate = 0.02;  // s

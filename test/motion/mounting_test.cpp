@@ -1,4 +1,4 @@
-// What the motion finds out about the Imu's mounting, stamps and bias, on flights with known ones;
+// Estimates of the Imu's mounting, stamps and bias, on flights with known ones;
 // how large the noise of a twist is, and whether the ground is flat.
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ Eigen::Vector3d lively(double t) {
   return {0.5 * std::sin(0.9 * t), 0.12 * std::sin(1.3 * t), 0.1 * std::sin(1.1 * t)};
 }
 
-/// What is wrong with the Imu, in the base frame.
+/// Faults of the Imu, in the base frame.
 struct Rig {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   double delay = 0.0;
@@ -56,7 +56,7 @@ class Flight : public test::GroundPictures {
   double gyro_noise = 3e-4;  // rad per frame
   double tilt_noise = 0.1 * kDegree;
   bool is_of_imu = true;
-  double age = 0.0;         // of the readings, s
+  double age = 0.0;         // age of the readings, s
   int gap_every = 1 << 30;  // frames: then one has no homography
 
   GroundFrame next() {
@@ -92,7 +92,7 @@ class Flight : public test::GroundPictures {
 
   const GroundEstimate& add(const GroundFrame& frame) { return ground_.add(frame); }
   const GroundEstimate& step() { return add(next()); }
-  /// What is known after that time.
+  /// The estimate after that time.
   std::optional<ImuMounting> after(double seconds) {
     for (int i = 1; i < seconds * kRate; ++i) step();
     return step().imu;
@@ -391,7 +391,7 @@ class Twists {
     Matrix6 mixing = Matrix6::Identity();
     mixing(0, 4) = kHeight;
     mixing(1, 3) = -kHeight;
-    Vector6 variance;  // of a pose
+    Vector6 variance;  // variance of a pose
     variance << 1e-4, 1e-4, 2e-4, 1e-5, 1e-5, 1e-5;
     mixing_ = mixing;
     covariance = 2.0 * mixing * variance.asDiagonal() * mixing.transpose();
@@ -399,7 +399,7 @@ class Twists {
   }
 
   Matrix6 covariance;
-  Vector6 shares = Vector6::Ones();  // of the variances that the errors really have
+  Vector6 shares = Vector6::Ones();  // true variances over the stated ones
   double roughness = 0.0;
   double speed = 1.0;
 

@@ -84,7 +84,7 @@ TEST(Inbox, WhatIsClearedIsNotTakenAndAClosedOneGivesNothing) {
   EXPECT_EQ(inbox.put(kData, 0, 5), 0U);
 }
 
-/// What a worker was asked for, in order.
+/// Jobs of a worker, in order.
 struct Notes {
   std::vector<int> numbers;
   void add(const boost::shared_ptr<const int>& number) { numbers.push_back(*number); }

@@ -75,7 +75,7 @@ TEST(Parameters, OfLargeImagesSayThatSmallerOnesAreRecognised) {
   test::expectSays(noteOnSize(4032), "are 4032 px long; made 1000 to 2500 px long");
 }
 
-/// Who wants fewer features or another descriptor still has a reference that is seen from anywhere.
+/// With fewer features or another descriptor the reference is still found from anywhere.
 TEST(Parameters, KeepWhatWasSetForAFixedReference) {
   const auto chosenFor = [](const std::string& name, const std::string& value) {
     Parameters set;

@@ -129,7 +129,7 @@ struct Stream {
   }
 };
 
-/// What is said about the rotation where all Imus are as this one.
+/// The message about the rotation where all Imus are as this one.
 std::string noTurnWith(sensor_msgs::Imu imu) {
   Stream stream;
   for (const double stamp : {1.0, 2.0}) {

@@ -723,7 +723,7 @@ TEST(Lens, OfASecondCameraIsTurnedAsRectificationSays) {
   info.R = {c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c};
   const LensCalibration turned = lensFrom(info)->calibration();
   EXPECT_EQ(turned.rotation, cv::Matx33d(info.R.data()));
-  info.R.fill(0.0);  // of a camera_info without rotation
+  info.R.fill(0.0);  // a camera_info without rotation
   EXPECT_EQ(lensFrom(info)->calibration().rotation, cv::Matx33d::eye());
 }
 

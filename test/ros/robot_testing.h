@@ -52,7 +52,8 @@ inline sensor_msgs::ImagePtr imageMessage(const cv::Mat& image, const ros::Time&
   return message;
 }
 
-/// Of a camera whose principal point is the middle of its images, with one number of distortion.
+/// Calibration of a camera whose principal point is the middle of its images, with one number of
+/// distortion.
 inline sensor_msgs::CameraInfo calibration(const cv::Size& size, double focal, double k1 = 0.0) {
   sensor_msgs::CameraInfo info;
   info.header.frame_id = "camera";
@@ -217,7 +218,7 @@ class Change {
   dynamic_reconfigure::Config config_;
 };
 
-inline std::vector<std::string> arguments;  // of the command line
+inline std::vector<std::string> arguments;  // arguments of the command line
 
 /// The value after `--name=` on the command line.
 template <typename Number>

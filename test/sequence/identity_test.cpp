@@ -82,7 +82,7 @@ struct Identity {
   Hash keypoints;
   Hash descriptors;
   Hash neighbours;  // KNN with its distances, and what passed TF and GMS
-  Hash inliers;     // of PROSAC
+  Hash inliers;     // inliers of PROSAC
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
 };
 

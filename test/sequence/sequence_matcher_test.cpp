@@ -109,7 +109,7 @@ TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
     const FramePtr frame = frameOf(matcher, view(0));
     OrbExtractor extractor(matcher.options().orb);
     extractFeatures(extractor, *frame);
-    MatchAhead ahead;  // of the features that the matcher finds anew
+    MatchAhead ahead;  // match of the features that the matcher finds anew
     ahead.reference = matcher.fixedReference();
     ahead.result.correspondences = {{1, 1000000, 0, 0}};
     const SequenceMatch& again = matcher.match(frame, side == 75 ? &ahead : nullptr);
@@ -176,7 +176,8 @@ TEST(SequenceMatcher, TheTimeOfExtractionIsInMilliseconds) {
   OrbExtractor extractor;
   Frame frame;
   frame.image = view(0);
-  double share = 0.0;  // of the call's time; nearly all, unless each repetition was interrupted
+  double share =
+      0.0;  // share of the call's time; nearly all, unless each repetition was interrupted
   for (int i = 0; i < 20; ++i) {
     const auto start = std::chrono::steady_clock::now();
     extractFeatures(extractor, frame);
@@ -567,7 +568,7 @@ TEST(SequenceMatcher, TheAccumulatedCovarianceGrowsWithTheChain) {
   for (int i = 0; i < 6; ++i) {
     const SequenceMatch& match = matcher.match(view(i), 0.1 * i);
     if (i == 0) continue;
-    const double variance = match.accumulated->covariance(2, 2);  // of the x translation
+    const double variance = match.accumulated->covariance(2, 2);  // variance of the x translation
     EXPECT_GT(variance, before);
     if (i == 1) {
       EXPECT_DOUBLE_EQ(variance, match.match.answer.covariance(2, 2));

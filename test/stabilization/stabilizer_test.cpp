@@ -70,7 +70,7 @@ Steps stepsOf(const Path& path) {
 std::vector<SteadyFrame> stabilized(const Steps& steps, const StabilizerOptions& options = {}) {
   Stabilizer stabilizer(options);
   std::vector<SteadyFrame> ready;
-  std::size_t first = 0;  // of the path
+  std::size_t first = 0;  // first frame of the path
   for (std::size_t i = 0; i < steps.size(); ++i) {
     const auto stamp = static_cast<std::int64_t>(i) * kPeriod;
     stabilizer.add(stamp, stamp - kPeriod, steps[i], kSize, ready);
@@ -215,8 +215,8 @@ TEST(Stabilizer, AnotherSizeStartsAnew) {
   EXPECT_TRUE(ready[1].starts_anew);
 }
 
-/// Of a camera that pans by 60 px/s and trembles by 3 px and 0.2 degrees at 3 to 7 Hz: plane ->
-/// image at a time, s.
+/// Homography of a camera that pans by 60 px/s and trembles by 3 px and 0.2 degrees at 3 to 7 Hz:
+/// plane -> image at a time, s.
 Eigen::Matrix3d trembling(double seconds) {
   const auto wave = [&](double hertz, double phase) {
     return std::sin(2.0 * M_PI * hertz * seconds + phase);
@@ -233,7 +233,7 @@ Eigen::Matrix3d trembling(double seconds) {
 constexpr double kSeconds = 1e-9 * kPeriod;
 constexpr int kTrembling = 150;  // images
 
-/// What maps the points that an image shows to where the next one shows them.
+/// Map from the points of an image to the points of the next one.
 Steps stepsSeen(const test::RollingCamera& camera) {
   Steps steps(1);
   for (int i = 1; i < kTrembling; ++i) {
@@ -250,7 +250,7 @@ Steps stepsSeen(const test::RollingCamera& camera) {
   return steps;
 }
 
-/// Those of the middle rows, as if the shutter had been taken out.
+/// Homographies of the middle rows, as if the shutter had been taken out.
 Steps stepsOfMiddleRows(const test::RollingCamera& camera) {
   Path views;
   for (int i = 0; i < kTrembling; ++i) views.push_back(camera.view(i * kSeconds));
@@ -305,8 +305,9 @@ TEST(Shake, IsTheMeanSquareOfTheSecondDifference) {
 
 using CornerMotion = Eigen::Matrix<double, 2, 4>;
 
-/// What the path minimises: the absolute differences of the motion that remains at the corners of
-/// the window, px; the first ones count 10 times, the second ones once, the third ones 100 times.
+/// The cost that the path minimises: the absolute differences of the motion that remains at the
+/// corners of the window, px; the first ones count 10 times, the second ones once, the third ones
+/// 100 times.
 double costOf(const Steps& steps, const Path& warps) {
   const auto corners_in = [&](std::size_t t) {
     CornerMotion found;

@@ -38,7 +38,7 @@ inline Pose3 mounted() {
   return pose;
 }
 
-/// Of the camera, when the base is there with that yaw, pitch and roll.
+/// Pose of the camera, when the base is there with that yaw, pitch and roll.
 inline motion::CameraPose cameraAt(const Eigen::Vector3d& position, const Eigen::Vector3d& angles,
                                    const Pose3& camera_to_base) {
   const Eigen::Matrix3d base = (Eigen::AngleAxisd(angles(0), Eigen::Vector3d::UnitZ()) *
@@ -60,7 +60,7 @@ class GroundPictures {
  public:
   GroundPictures(double image_noise, unsigned seed) : image_noise(image_noise), random_(seed) {}
 
-  double image_noise;            // of the entries of a homography at focal length 1
+  double image_noise;            // noise of the entries of a homography at focal length 1
   double perspective = 1.0;      // factor of the noise of h20 and h21
   double claimed = 1.0;          // covariance of the homographies, as a multiple of the true one
   double plane_deviation = 0.0;  // px
@@ -94,7 +94,7 @@ class GroundPictures {
   Eigen::Vector3d shake() { return {normal(), normal(), normal()}; }
 
  private:
-  /// Of the noise of both images, by numeric derivatives.
+  /// Covariance from the noise of both images, by numeric derivatives.
   Covariance8 covarianceOf(const Eigen::Matrix3d& h) const {
     Eigen::Matrix<double, 8, 16> slope;
     for (int i = 0; i < 16; ++i) {

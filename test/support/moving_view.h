@@ -12,7 +12,7 @@ namespace ktgp_orb::test {
 
 const cv::Size kView(320, 240);
 
-/// What a camera sees at (x, y) of a picture.
+/// Grey value that a camera sees at (x, y) of a picture.
 inline cv::Mat viewAt(int x, int y) {
   static const cv::Mat world = textureImage(cv::Size(1200, 600), 1);
   return world(cv::Rect(cv::Point(x, y), kView)).clone();

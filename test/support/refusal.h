@@ -7,7 +7,7 @@
 
 namespace ktgp_orb::test {
 
-/// What is said of the call; empty: it is not refused.
+/// The message of the refused call; empty: it is not refused.
 template <typename Error = std::invalid_argument, typename Call>
 std::string refusalOf(const Call& call) {
   try {

@@ -30,10 +30,10 @@ inline Target poster(const cv::Size& size, int seed) {
 
 /// Where a target is in the view of a camera.
 struct Placement {
-  double tilt = 0.0;  ///< of the plane, rad
+  double tilt = 0.0;  ///< tilt of the plane, rad
   double zoom = 1.0;  ///< px of the frame per px of the target, in its middle
   double turn = 0.0;  ///< in the image, rad
-  double axis = 0.0;  ///< of the tilt, rad
+  double axis = 0.0;  ///< axis of the tilt, rad
   Eigen::Vector2d middle = Eigen::Vector2d(320.0, 240.0);  ///< px
 };
 

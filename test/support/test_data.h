@@ -20,7 +20,7 @@ inline std::optional<std::string> dataFolder() {
   return folderFrom("KTGP_ORB_DATA");
 }
 
-/// Of a set of the Oxford data in dataFolder(), grey.
+/// Images of a set of the Oxford data in dataFolder(), grey.
 inline cv::Mat oxfordImage(const std::string& set, int number) {
   const std::string suffix = set == "boat" ? ".pgm" : ".ppm";
   return cv::imread(*dataFolder() + "/oxford/" + set + "/img" + std::to_string(number) + suffix,

@@ -140,7 +140,7 @@ TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfTheFrame) {
 TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfALargeFrame) {
   TargetFinder finder = finderOf(3);
   for (const cv::Size size : {cv::Size(1280, 720), cv::Size(1920, 1080)}) {
-    std::vector<double> errors;  // of those found, px
+    std::vector<double> errors;  // errors of the targets found, px
     for (int i = 0; i < 8; ++i) {
       const Shown truth = shown(i % 3, 150.0 + 60 * i, 200.0, 0.1 * i, 45.0 / kPoster.height, i);
       const cv::Mat background = test::drawnPicture(size, 1000U + static_cast<unsigned>(i));

@@ -282,7 +282,7 @@ struct Choice {
   Shape shape;
   Geometry geometry;
   std::uint64_t seed;
-  int percent;  ///< of runs with all pairs, and the pose or its other one
+  int percent;  ///< share of runs with all pairs, and the pose or its other one
 };
 
 class Chosen : public testing::TestWithParam<Choice> {};
@@ -870,7 +870,7 @@ RelativePose motion() {
 cv::Mat seenFrom(const cv::Mat& reference, const RelativePose& pose, double near, double far) {
   constexpr double kDistance = 0.3;
   cv::Mat target(kSize, CV_8UC1, cv::Scalar(128));
-  for (const double depth : {far, near}) {  // what is near hides what is far
+  for (const double depth : {far, near}) {  // near surfaces hide far ones
     const Eigen::Matrix3d h =
         camera() *
         (pose.rotation + kDistance / depth * pose.translation * Eigen::RowVector3d(0.0, 0.0, 1.0)) *

@@ -130,7 +130,7 @@ TEST(GreyStretch, HotAndDeadPixelsDoNotDimTheRest) {
 }
 
 TEST(GreyStretch, IgnoresATenthOfAPercentAtEachEnd) {
-  // Of 10000 pixels `outliers` at 100 and at 300, and 1 % at 220; the others are 200.
+  // Among 10000 pixels `outliers` at 100 and at 300, and 1 % at 220; the others are 200.
   for (const int outliers : {9, 11}) {
     cv::Mat image(100, 100, CV_16UC1, cv::Scalar(200));
     image.row(50).setTo(220);

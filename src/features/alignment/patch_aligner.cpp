@@ -140,7 +140,7 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
 /// Second moments of the derivatives of a patch, with gain and bias projected out.
 struct Texture {
-  double sx, sy;  // what a gain of 1 is in the derivatives
+  double sx, sy;  // projections of a gain of 1 onto the derivatives
   double xx, xy, yy;
   double determinant;
 

@@ -198,7 +198,7 @@ cv::Mat rawView(const LensCalibration& c, double x, double y) {
   return image;
 }
 
-/// Of two views 40 px apart.
+/// Matches of two views 40 px apart.
 SequenceMatch matched(const LensCalibration& calibration, const LensConstPtr& lens) {
   static SequenceMatcher matcher;
   matcher.restart();

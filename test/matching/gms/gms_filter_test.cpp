@@ -44,7 +44,7 @@ GmsOptions mode(int m) {
   return options;
 }
 
-/// What a filter says of a problem, and what it keeps of its matches.
+/// Result of a filter for a problem, and the matches that it keeps.
 struct Filtered {
   GmsResult result;
   std::vector<Correspondence> matches;

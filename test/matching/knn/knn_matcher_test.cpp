@@ -232,7 +232,7 @@ TEST(KnnKernel, IsTheFastestUnlessToldOtherwise) {
   EXPECT_EQ(&bestKnnKernel(), everyKernel().front());
 }
 
-/// Of target t alone.
+/// Answer for target t alone.
 Correspondence nearestTwo(const cv::Mat& reference, const cv::Mat& target, int t) {
   Correspondence c = plainSearch(reference, target.row(t), false).front();
   c.target_index = t;

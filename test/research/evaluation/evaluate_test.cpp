@@ -470,7 +470,7 @@ TEST(TruthPoints, AreWithinACovarianceThatIsAsLargeAsTheErrors) {
   std::vector<AnnotatedPoint> points{{{0, 0}, {5, 0}}, {{10, 0}, {15, 0}}};
   EXPECT_FALSE(isWithinCovariance(estimate, points, 1.0));  // 5 px are five deviations
   EXPECT_TRUE(isWithinCovariance(estimate, points, 2.0));
-  estimate.covariance(2, 2) = 25.0;  // of the shift along x
+  estimate.covariance(2, 2) = 25.0;  // variance of the shift along x
   EXPECT_TRUE(isWithinCovariance(estimate, points, 1.0));
 }
 
