@@ -273,7 +273,7 @@ std::size_t asRecorded(const Reading& reading) {
 
 class HostileBag : public testing::TestWithParam<rosbag::CompressionType> {};
 
-TEST_P(HostileBag, ASoundOneIsReadToTheEndAndNotComplainedAbout) {
+TEST_P(HostileBag, IntactBagIsReadWithoutComplaint) {
   const Reading reading = read(soundBag(GetParam()));
   EXPECT_EQ(asRecorded(reading), std::size_t{kFrames});
   EXPECT_EQ(reading.damage, "");
@@ -303,7 +303,7 @@ INSTANTIATE_TEST_SUITE_P(Compressions, HostileBag,
                          testing::Values(rosbag::compression::Uncompressed,
                                          rosbag::compression::BZ2, rosbag::compression::LZ4));
 
-TEST(HostileBag, OneDamagedChunkCostsItsOwnFramesAlone) {
+TEST(HostileBag, DamagedChunkCostsOnlyItsFrames) {
   const FileBytes sound = soundBag(rosbag::compression::BZ2);
   const std::string header = "compression=bz2";
   auto place = std::search(sound.begin(), sound.end(), header.begin(), header.end());
@@ -317,7 +317,7 @@ TEST(HostileBag, OneDamagedChunkCostsItsOwnFramesAlone) {
       << reading.damage;
 }
 
-TEST(HostileBag, AnImageThatClaimsFourGigabytesTakesNone) {
+TEST(HostileBag, ImageClaimingFourGigabytesAllocatesNone) {
   FileBytes bytes = soundBag(rosbag::compression::Uncompressed);
   const std::uint32_t size = 40 * 30;
   const auto* wanted = reinterpret_cast<const std::uint8_t*>(&size);

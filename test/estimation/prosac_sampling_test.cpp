@@ -12,7 +12,7 @@
 namespace ktgp_orb::estimation {
 namespace {
 
-TEST(QualityOrder, IsThatOfTheNumbersAndOfTheInputWhereTheyAreEqual) {
+TEST(QualityOrder, SortsStably) {
   QualityOrder order;
   order.sort({0.5, -1.0, 0.0, -0.0, 2.0, -3.0, 0.5});
   const std::size_t expected[] = {5, 1, 2, 3, 0, 6, 4};

@@ -92,7 +92,7 @@ cv::Mat letters(std::uint64_t seed) {
   return image;
 }
 
-TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
+TEST(Growth, DoesNotMatchDifferentTextsOfOneFont) {
   OrbOptions orb;
   orb.fast_threshold = 10;
   MatchResult result;
@@ -254,7 +254,7 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
 
 // Growth needs the matches of the whole image to judge a homography. A search near a prediction
 // does not have them.
-TEST(Growth, WhatFewMatchesOfANearSearchAgreeWithIsRejected) {
+TEST(Growth, FewMatchesOfANearSearchAreRejected) {
   const FramePair pair = doubtfulPair(true);
   MatcherOptions options = MatcherOptions::robust();
   options.knn.search_radius = 10000.0;
@@ -276,7 +276,7 @@ TEST(Growth, WhatFewMatchesOfANearSearchAgreeWithIsRejected) {
   EXPECT_EQ(result.found_by, FoundBy::growth);
 }
 
-TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
+TEST(Growth, AnswerDoesNotDependOnOtherCalls) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   for (const bool gms : {false, true}) {
     for (const bool guided : {false, true}) {
@@ -300,13 +300,13 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   }
 }
 
-TEST(Growth, IsInThePresetRobustAlone) {
+TEST(Growth, OnlyPresetRobustHasIt) {
   EXPECT_FALSE(MatcherOptions().growth.enabled);
   EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
   EXPECT_TRUE(MatcherOptions::robust().growth.enabled);
 }
 
-TEST(Growth, IsNeverUsedOnTheFrameBefore) {
+TEST(Growth, NotUsedOnThePreviousFrame) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
   options.matcher = MatcherOptions::robust();
@@ -320,7 +320,7 @@ TEST(Growth, IsNeverUsedOnTheFrameBefore) {
   }
 }
 
-TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
+TEST(GrowthViews, CountEqualsFittingTilts) {
   OrbOptions orb;
   orb.max_features = 500;
   const cv::Mat image = scene(7);
@@ -386,7 +386,7 @@ TEST(GrowthViews, OfALongReferenceFindItFromTheSide) {
   }
 }
 
-TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
+TEST(GrowthViews, TakeAtMostThreeMegabytes) {
   OrbOptions orb;
   orb.max_features = 2000;
   orb.fast_threshold = 5;  // as many as wanted
@@ -500,7 +500,7 @@ void count(const std::vector<FramePair>& pairs, Votes& votes) {
   votes.count(kSize, kSize);
 }
 
-TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
+TEST(GrowthVotes, VotersMatchDefinition) {
   Numbers numbers(1);
   std::vector<FramePair> pairs;
   for (int i = 0; i < 400; ++i) {
@@ -529,7 +529,7 @@ TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
   EXPECT_GT(all, 400U);
 }
 
-TEST(GrowthVotes, AClusterHasOneVote) {
+TEST(GrowthVotes, ClusterHasOneVote) {
   const FramePair seed{frameAt({100, 100}, 0, 31), frameAt({200, 200}, 0, 31)};
   const auto near = [](double x) {
     return FramePair{frameAt({x, 140}, 0, 31), frameAt({x + 100, 240}, 0, 31)};
@@ -604,7 +604,7 @@ double logTail(int count, double mean) {
   return std::log10(sum);
 }
 
-TEST(GrowthVerdict, IsABoundOnTheTailOfThePoissonDistribution) {
+TEST(GrowthVerdict, BoundsThePoissonTail) {
   for (const double mean : {0.1, 1.0, 5.0}) {
     for (const int count : {6, 10, 20, 40}) {
       const double bound = logChance(count, mean, 1.0);

@@ -98,7 +98,7 @@ TEST(HomographySolver, RefusesFlatAndRepeatedPoints) {
   EXPECT_TRUE(solveFourPoints(square, square, 1.0, 1.0, h));
 }
 
-TEST(HomographyScore, IsTheSumOfTruncatedSquares) {
+TEST(HomographyScore, EqualsSumOfTruncatedSquares) {
   Numbers numbers(3);
   for (std::size_t n = 0; n <= 200; ++n) {
     const Eigen::Matrix3d h = test::randomHomography({2, 2}, 0.05, numbers);
@@ -167,7 +167,7 @@ TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
   }
 }
 
-TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
+TEST(HomographyRefiner, ScaleFloorPreventsLockingOntoOnePlane) {
   // Two thirds of the points agree with one plane within 0.02 px; the others are 0.3 px off, more
   // towards the bottom. All are equally accurate, and the best homography for the image is in
   // between.
@@ -194,7 +194,7 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
   EXPECT_LT(test::cornerError(h.homography, mean, kSize), 0.05);
 }
 
-TEST(HomographyRefiner, ByCellManyPairsInOnePlaceDoNotDecideAlone) {
+TEST(HomographyRefiner, ByCellClusteredPairsDoNotDominate) {
   // 300 pairs on a balcony, 2 px off the plane of the facade, and 80 pairs all over the facade.
   Numbers numbers(7);
   double plain = 0.0;
@@ -574,7 +574,7 @@ TEST(SmoothField, TheDeviationFromAPlaneIsInPixelsOfTheTarget) {
   EXPECT_NEAR(larger.plane_deviation / equal.plane_deviation, kLarger, 1e-3);
 }
 
-TEST(SmoothField, OfPatchesCoversTheErrors) {
+TEST(SmoothField, CoversErrorsOfPatches) {
   const Consistency c = measure(noise(0.2), 150, 1e-4, false, true);
   EXPECT_GT(c.median, 0.5);
   EXPECT_LT(c.median, 1.8);
@@ -809,7 +809,7 @@ double logChoose(double n, double k) {
   return (std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)) / std::log(10.0);
 }
 
-TEST(FalseAlarms, IsTheNumberOfSetsAndSamplesTimesTheirProbability) {
+TEST(FalseAlarms, EqualsTestsTimesProbability) {
   for (std::size_t m : {1, 2, 4, 7}) {
     for (std::size_t n : {10, 50, 1000}) {
       estimation::FalseAlarms false_alarms(m, n);

@@ -123,7 +123,7 @@ Eigen::Matrix3d leastSquares(const PointPairs& pairs, std::size_t inliers) {
   return homography;
 }
 
-TEST(ProsacHomography, IsNearlyAsExactAsLeastSquaresThatKnowsTheInliers) {
+TEST(ProsacHomography, NearlyAsExactAsOracleLeastSquares) {
   ProsacHomography prosac;
   ProsacResult result;
   Numbers numbers(3);
@@ -277,7 +277,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
   EXPECT_EQ(found, 50);
 }
 
-TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
+TEST(ProsacHomography, WrongInitialHomographyDoesNotMislead) {
   Numbers numbers(11);
   ProsacHomography prosac;
   ProsacResult from_scratch;
@@ -402,7 +402,7 @@ TEST_F(Verdict, AcceptsFewPairsThatAllAgree) {
   EXPECT_GE(right, 450);
 }
 
-TEST_F(Verdict, IsRightWhenTheOrderIsReversed) {
+TEST_F(Verdict, ReversedOrderIsRight) {
   for (std::size_t n : {100, 300, 1000}) {
     int right = 0;
     int wrong = 0;
@@ -484,7 +484,7 @@ TEST_F(Verdict, NeverTrustsASinglePointBesideALine) {
   }
 }
 
-TEST_F(Verdict, IsNeverWrongOnATinyCluster) {
+TEST_F(Verdict, TinyClusterIsRejected) {
   for (double size : {1.0, 5.0, 20.0, 60.0}) {
     for (int run = 0; run < 200; ++run) {
       pairs_.clear();
@@ -552,11 +552,11 @@ class Covariance : public testing::TestWithParam<Case> {
   }
 };
 
-TEST_P(Covariance, IsAsLargeAsTheErrors) {
+TEST_P(Covariance, MatchesErrors) {
   check(0.0);
 }
 
-TEST_P(Covariance, IsAsLargeAsTheErrorsAmongOutliers) {
+TEST_P(Covariance, MatchesErrorsAmongOutliers) {
   check(0.5);
 }
 

@@ -214,7 +214,7 @@ TEST(DrawnImages, HaveNothingInCommonWithOthers) {
   expectNothingBetween(drawnPictures());
 }
 
-TEST(OxfordImages, HaveNothingInCommonWithThoseOfOtherSets) {
+TEST(OxfordImages, DifferentSetsDoNotMatch) {
   KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
   for (int k = 1; k <= 6; k += 5) {
     expectNothingBetween({test::oxfordImage("leuven", k), test::oxfordImage("bikes", k),
@@ -245,7 +245,7 @@ TEST_F(Photographs, HaveNothingInCommonWithOthers) {
 }
 
 /// Two photographs of a wall from 50 degrees apart, with the homography that is published for them.
-TEST_F(Photographs, OfAWallFromTheSideAreMatched) {
+TEST_F(Photographs, TiltedWallMatches) {
   Pair pair;
   pair.reference = cv::imread(*test::photoFolder() + "/graf1.png", cv::IMREAD_GRAYSCALE);
   pair.target = cv::imread(*test::photoFolder() + "/graf3.png", cv::IMREAD_GRAYSCALE);

@@ -46,7 +46,7 @@ void PrintTo(const Case& c, std::ostream* out) {
 
 class Heap : public testing::TestWithParam<Case> {};
 
-TEST_P(Heap, IsLeftAloneInSteadyState) {
+TEST_P(Heap, NoAllocationInSteadyState) {
   SequenceOptions options;
   options.orb.max_features = 200;
   options.matcher.alignment.points = 50;
@@ -96,7 +96,7 @@ INSTANTIATE_TEST_SUITE_P(
              }}),
     [](const auto& info) { return std::string(info.param.name); });
 
-TEST(GrowthsHeap, IsLeftAloneInSteadyState) {
+TEST(GrowthsHeap, NoAllocationInSteadyState) {
   const cv::Mat image = test::textureImage(cv::Size(640, 480), 1);
   const auto [reference, target] =
       test::FramePair(image, test::textureImage(cv::Size(640, 480), 2));

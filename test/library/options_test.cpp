@@ -113,7 +113,7 @@ const std::vector<std::function<void(SequenceOptions&)>> kOfNoSequence{
     [](auto& o) { o.orb.levels = 0; },
     [](auto& o) { o.matcher.ratio_threshold = 2.0; }};
 
-TEST(Options, OfASequenceAreRefusedLaterTooAndTheOldOnesStay) {
+TEST(Options, RefusedSequenceOptionsKeepTheOldOnes) {
   expectRefused<SequenceMatcher, SequenceOptions>("sequence", kOfNoSequence);
   for (const auto& change : kOfNoSequence) {
     SequenceOptions options;

@@ -8,7 +8,7 @@
 namespace ktgp_orb {
 namespace {
 
-TEST(ResultLayout, IsTheSameForEveryInstructionSet) {
+TEST(ResultLayout, SameForEveryInstructionSet) {
   ASSERT_GT(std::size(test::kLayout), 30u);
   const test::LayoutEntry* wide = test::layoutForWideVectors();
   for (const test::LayoutEntry& here : test::kLayout) {

@@ -368,7 +368,7 @@ UncertainHomography panned(const std::vector<cv::Mat>& frames, ReferenceMode mod
   return sum;
 }
 
-TEST(SlowPan, ItsStepsAddUp) {
+TEST(SlowPan, StepsAddUp) {
   const cv::Size size(320, 240);
   const Eigen::Vector2d middle(160.0, 120.0);
   for (const double step : {0.2, 0.02, 0.0}) {

@@ -154,7 +154,7 @@ TEST(KtgpMatcher, FindsTheTrueMatchesAndNoOthers) {
   }
 }
 
-TEST(KtgpMatcher, TakesAPredictionAndRepeatsItself) {
+TEST(KtgpMatcher, PredictionIsUsedAndDeterministic) {
   const Frames frames = makeFrames(500, 200, 3);
   KtgpMatcher matcher;
   MatchResult result;
@@ -196,7 +196,7 @@ TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {
   EXPECT_EQ(status(frames.reference, makeFrames(0, 500, 6).target), Status::too_few_matches);
 }
 
-TEST(KtgpMatcher, RefusesMalformedFeaturesAndThoseOfAnotherDescriptor) {
+TEST(KtgpMatcher, RefusesMalformedFeaturesAndOtherDescriptors) {
   const Frames frames = makeFrames(20, 0, 7);
   Features broken = frames.reference;
   broken.keypoints.pop_back();
@@ -210,7 +210,7 @@ TEST(KtgpMatcher, RefusesMalformedFeaturesAndThoseOfAnotherDescriptor) {
   EXPECT_THROW(matcher.match(other, frames.target, result), std::invalid_argument);
 }
 
-TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
+TEST(MatchResult, ClearedEqualsNoReference) {
   MatcherOptions options;
   options.guided.enabled = true;
   const Frames frames = makeFrames(500, 0, 8);
@@ -253,7 +253,7 @@ double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
   return metrics::cornerError(homography, pair.truth, pair.reference.image_size);
 }
 
-TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlone) {
+TEST(MatcherRefinement, AlignmentDoesNotChangeTheFourStages) {
   const Pair pair = warpedPair(test::turn(4.0, 1.03));
   MatcherOptions without;
   without.alignment.enabled = false;

@@ -42,7 +42,7 @@ TEST(Summary, MeanAndRootMeanSquareByHand) {
   EXPECT_EQ(summarize({}).mean, 0.0);
 }
 
-TEST(Median, IsTheMiddle) {
+TEST(Median, MiddleOfSortedValues) {
   EXPECT_EQ(median({}), 0.0);
   EXPECT_EQ(median({7.0}), 7.0);
   EXPECT_EQ(median({9.0, 1.0, 2.0}), 2.0);
@@ -64,7 +64,7 @@ TEST(DescriptorDistance, CountsOnlyWhatReachedTheLevel) {
   EXPECT_DOUBLE_EQ(final.rms, std::sqrt(250.0));
 }
 
-TEST(Displacement, IsTheMotionInTheImage) {
+TEST(Displacement, EqualsMotionInTheImage) {
   const Features a = featuresAt({{10, 10}, {20, 20}});
   const Features b = featuresAt({{13, 14}, {20, 20}});
   const ErrorSummary s = displacement(a, b, oneToOne(2));
@@ -222,7 +222,7 @@ TEST(AreaUnderCurve, ByHand) {
 
 // --- repeatability ---
 
-TEST(Repeatability, IsOneForTheSameKeypoints) {
+TEST(Repeatability, SameKeypointsGiveOne) {
   const Features a = featuresAt({{100, 100}, {300, 200}, {500, 400}});
   const Repeatability r = detectorRepeatability(a, a, Eigen::Matrix3d::Identity());
   EXPECT_EQ(r.repeated, 3u);
@@ -314,7 +314,7 @@ TEST(Repeatability, OverlapOfATurnedEllipseIsThatOfTheUnturned) {
   }
 }
 
-TEST(Repeatability, OfNothingIsZero) {
+TEST(Repeatability, NoKeypointsGiveZero) {
   const Features none = featuresAt({});
   const Features one = featuresAt({{5, 5}});
   EXPECT_EQ(detectorRepeatability(none, one, Eigen::Matrix3d::Identity()).score(), 0.0);

@@ -117,7 +117,7 @@ struct Drawn {
   cv::Mat alpha, colour;
 };
 
-TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
+TEST(Mosaic, EqualsTheScene) {
   Flight flight(byPath());
   const cv::Mat picture = world(1);
   EXPECT_EQ(flight.go(viewAt(400, 300)), Placement::new_map);
@@ -181,7 +181,7 @@ TEST(Mosaic, KeepsItsBrightnessWhenTheExposureChanges) {
   EXPECT_LT(errorOfARamp(options), -20.0) << "else the test shows nothing";
 }
 
-TEST(Mosaic, KeyframesFightTheDrift) {
+TEST(Mosaic, KeyframesReduceDrift) {
   // Each homography is off by a fifth of a pixel, as if the camera rotated: the errors add up.
   const auto fly = [](const MosaicOptions& options) {
     Flight flight(options);
@@ -257,7 +257,7 @@ TEST(Mosaic, FindsItsPlaceAgainAfterAGap) {
 
 // Photographs of a survey, of which each shows four fifths of the one before. Two that show
 // nothing, one after the other, are no end of the map, however long that takes.
-TEST(Mosaic, OfPhotographsGoesOnAfterSomeThatShowNothing) {
+TEST(Mosaic, ContinuesAfterBlankPhotographs) {
   for (const std::int64_t seconds : {1, 5}) {
     Flight flight({}, world(1), seconds * 1'000'000'000);
     flight.go(viewAt(400, 300));
@@ -346,7 +346,7 @@ TEST(Mosaic, GapsAtOnePlaceAddNoKeyframes) {
   EXPECT_EQ(flight.mosaic.keyframes(), 1U);
 }
 
-TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
+TEST(Repetition, ShortestPeriodIsFound) {
   // The period of a checkerboard: one square to the side and one down.
   for (const int square : {16, 24, 40}) {
     EXPECT_NEAR(metrics::shortestPeriod(grey(checkerboard(square, 0.3))), square * std::sqrt(2.0),
@@ -365,7 +365,7 @@ TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
   EXPECT_EQ(metrics::shortestPeriod(cv::Mat(10, 2000, CV_8UC1, cv::Scalar(90))), 0.0) << "a strip";
 }
 
-TEST(Mosaic, IsNotAPeriodOffOnGroundThatRepeats) {
+TEST(Mosaic, RepetitiveGroundIsNotOffByAPeriod) {
   constexpr int kSquare = 24;
   const Eigen::Matrix3d period = test::translation(2.0 * kSquare, 0.0);
   for (const bool keyframes : {false, true}) {

@@ -203,7 +203,7 @@ Eigen::MatrixXd numericSlope(const Function& function) {
   return slope;
 }
 
-TEST(GroundMotion, DerivativesAreThoseOfTheFunctions) {
+TEST(GroundMotion, DerivativesMatchNumericOnes) {
   const CameraPose pose = truthAt(40, mounted());
   const CameraPose before = truthAt(37, mounted());
   const Eigen::Matrix3d map = 0.37 * motion::imageFromGround(truthAt(33, mounted())).inverse();
@@ -344,7 +344,7 @@ TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoiseButNotOverRelief) {
 
 /// Where the pictures tell it worse than an acceleration changes it from frame to frame; else it is
 /// that of the pictures.
-TEST(GroundMotion, AVelocityThatThePicturesTellBadlyFollowsTheLastOne) {
+TEST(GroundMotion, UncertainVelocityFollowsTheLastOne) {
   for (const double image_noise : {1e-4, 1e-3}) {
     double squares[2] = {};
     test::Normalised normalised[2];
@@ -512,7 +512,7 @@ TEST(GroundMotion, PreciseImagesAgreeWithACoarselyKnownTilt) {
   }
 }
 
-TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
+TEST(GroundMotion, GapGrowsCovariance) {
   Flight flight(mounted(), 3e-5);
   flight.tilt_noise = 1e-4;
   Covariance6 before = Covariance6::Zero();
@@ -638,7 +638,7 @@ TEST(GroundMotion, TheGroundIsAnotherOneAfterAWhile) {
   }
 }
 
-TEST(GroundMotion, AGyroscopeThatIsWrongDoesLittleHarm) {
+TEST(GroundMotion, WrongGyroscopeHasLittleInfluence) {
   const auto none = [](int, GroundFrame&) {};
   const double usual = outcomeOf(none, 0, 0).velocity;
   for (const double factor : {-1.0, 180.0 / 3.14159265358979323846}) {
@@ -652,7 +652,7 @@ TEST(GroundMotion, AGyroscopeThatIsWrongDoesLittleHarm) {
   }
 }
 
-TEST(GroundMotion, ACameraThatLooksAwayHasNoMotion) {
+TEST(GroundMotion, CameraLookingAwayHasNoMotion) {
   Flight flight(downward(), 3e-5);
   for (int i = 0; i < 30; ++i) {
     const GroundEstimate& estimate = flight.step(turnAway);
@@ -661,7 +661,7 @@ TEST(GroundMotion, ACameraThatLooksAwayHasNoMotion) {
   }
 }
 
-TEST(GroundMotion, ANormalThatLooksAwayOnceContradictsAndNoMore) {
+TEST(GroundMotion, SingleNormalLookingAwayIsContradicted) {
   Flight flight(downward(), 3e-5);
   flight.steps(50);
   for (int i = 50; i < 60; ++i) {
@@ -742,7 +742,7 @@ TEST(GroundMotion, TheTurnOfAFrameThatIsRefusedIsMissing) {
   EXPECT_GT(flight.ground.add(next(54)).turn_misfit, 0.0);
 }
 
-TEST(GroundMotion, AHomographyThatIsOffByAPeriodIsAJump) {
+TEST(GroundMotion, PeriodOffsetIsAJump) {
   for (const double scale : {0.25, 1.0, 2.5}) {  // at about one metre, four and ten
     Flight flight(downward(), 3e-5);
     flight.scale = scale;
@@ -767,7 +767,7 @@ TEST(GroundMotion, FromALargeHeightTheNoiseOfPicturesIsNoJump) {
   }
 }
 
-TEST(GroundMotion, AJumpThatGoesOnIsBelieved) {
+TEST(GroundMotion, LastingJumpIsBelieved) {
   for (const int keyframe_every : {1, 30}) {  // as with the reference previous, and keyframe
     Flight flight(downward(), 3e-5);
     flight.keyframe_every = keyframe_every;
@@ -899,7 +899,7 @@ TEST(GroundMotion, TheRollingShutterIsFoundAndTakenOut) {
 
 // A straight flight at constant speed does not show the shutter. The noise of the pictures must not
 // pass for it: the flow and the homography that it explains have this noise in common.
-TEST(GroundMotion, AStraightFlightShowsNoShutterThatIsNotThere) {
+TEST(GroundMotion, StraightFlightReportsNoShutter) {
   for (const Eigen::Vector3d& velocity :
        {Eigen::Vector3d(0.0, 1.0, 0.0), Eigen::Vector3d(1.0, 0.0, 0.0),
         Eigen::Vector3d(0.3, 0.3, 0.02), Eigen::Vector3d(0.0, 0.0, 0.0)}) {
@@ -935,7 +935,7 @@ TEST(GroundMotion, AStraightFlightShowsNoShutterThatIsNotThere) {
   }
 }
 
-TEST(GroundMotion, AHoverOfMinutesKeepsItsPlaceAndATrueCovariance) {
+TEST(GroundMotion, HoverKeepsPlaceAndCovariance) {
   RollingFlight flight;
   flight.noise = 2e-4;
   flight.posed = [](double t) {
@@ -1115,7 +1115,7 @@ TEST(GroundMotion, RefusesAHomographyThatContradictsTheGround) {
   EXPECT_EQ(flight.step().status, GroundStatus::resumed);
 }
 
-TEST(GroundMotion, AGyroscopeStandsInForTheNormal) {
+TEST(GroundMotion, GyroscopeReplacesNormal) {
   const auto deviation = [](bool with_gyro) {
     Flight flight = Flight::noisy(mounted(), 1e-4, 1, 2.0 * kDegree);
     flight.perspective = 30.0;  // so a rotation looks like a translation
@@ -1131,7 +1131,7 @@ TEST(GroundMotion, AGyroscopeStandsInForTheNormal) {
   EXPECT_LT(deviation(true), 0.7 * deviation(false));
 }
 
-TEST(GroundMotion, AGyroscopeCountsAcrossFramesWithoutAHomography) {
+TEST(GroundMotion, GyroscopeBridgesFramesWithoutHomography) {
   Flight flight(mounted(), 1e-5);
   for (int i = 0; i < 60; ++i) {
     GroundFrame frame = flight.next();
@@ -1191,7 +1191,7 @@ TEST(GroundMotion, SetPoseMovesTheBase) {
   EXPECT_THROW(flight.ground.setPose(wanted, covariance), std::invalid_argument);
 }
 
-TEST(GroundMotion, AStampThatWentBackBeginsAnew) {
+TEST(GroundMotion, StampGoingBackRestarts) {
   Flight flight(mounted(), 1e-8);
   flight.steps(30);
   Flight looped(mounted(), 1e-8);
@@ -1300,7 +1300,7 @@ TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
   EXPECT_EQ(flight.step(forget).status, GroundStatus::no_covariance);
 }
 
-TEST(GroundMotion, ABeamThatDoesNotMeetTheGroundIsNoHeight) {
+TEST(GroundMotion, BeamMissingTheGroundGivesNoHeight) {
   for (const double down : {-1.0, 0.0, 0.05}) {  // share of the beam along the optical axis
     const auto turned = [down](GroundFrame& frame) {
       frame.height->beam_direction << std::sqrt(1.0 - down * down), 0.0, down;

@@ -138,7 +138,7 @@ std::vector<Case> rigs() {
   return cases;
 }
 
-TEST(Mounting, ADegreeAnd20MillisecondsAreFoundWithinAMinute) {
+TEST(Mounting, FindsOneDegreeAnd20MillisecondsInAMinute) {
   for (const Case& each : rigs()) {
     Flight flight(each.gives);
     flight.rig = each.rig;
@@ -215,7 +215,7 @@ TEST(Mounting, ErrorsAreAsLargeAsTheirDeviations) {
   }
 }
 
-TEST(Mounting, WhatTheMotionDoesNotShowIsNotReported) {
+TEST(Mounting, UnobservableErrorsAreNotReported) {
   const Turns still = [](double) { return Eigen::Vector3d::Zero(); };
   const Turns steady = [](double t) { return Eigen::Vector3d(0.5 * t, 0.0, 0.0); };
   const Turns rolls = [](double t) { return Eigen::Vector3d(0.0, 0.0, 0.15 * std::sin(t)); };
@@ -248,7 +248,7 @@ TEST(Mounting, WhatTheMotionDoesNotShowIsNotReported) {
   }
 }
 
-TEST(Mounting, ARigThatIsRightIsNotBlamed) {
+TEST(Mounting, CorrectRigHasNoWarning) {
   for (const Gives gives : {Gives::turns, Gives::directions}) {
     for (unsigned seed = 1; seed <= 4; ++seed) {
       Flight flight(gives, seed);
@@ -308,7 +308,7 @@ TEST(Mounting, LearnsThoughSomeTurnsAreMissing) {
   EXPECT_TRUE(std::isinf(by_orientation->bias_deviation.y())) << describe(*by_orientation);
 }
 
-TEST(Mounting, IsNotFoundForADirectionOfSomethingElse) {
+TEST(Mounting, UnrelatedDirectionGivesNoMounting) {
   Flight flight(Gives::directions);
   flight.is_of_imu = false;
   EXPECT_FALSE(flight.after(60.0));
@@ -463,7 +463,7 @@ TEST(TwistNoise, FollowsMoreNoiseWithinASecondAndLessNoiseSlowly) {
   EXPECT_GT(noise.scaled(twists.covariance)(3, 3), 0.4 * twists.covariance(3, 3));
 }
 
-TEST(TwistNoise, IsNeverTakenForMoreThanTheCovarianceNorMadeSmallerByARoughMotion) {
+TEST(TwistNoise, NoiseIsBoundedByCovarianceAndNotReducedByRoughMotion) {
   for (const auto& [share, roughness] : {std::pair(9.0, 0.0), std::pair(0.1, 0.5)}) {
     Twists twists(3);
     twists.shares.setConstant(share);
@@ -511,7 +511,7 @@ TEST(TwistNoise, LearnsNothingFromAStillPictureOrUnequalTimes) {
   EXPECT_NEAR(noise.scaled(twists.covariance)(3, 3) / twists.covariance(3, 3), 1.0, 1e-9);
 }
 
-TEST(TwistNoise, ACovarianceThatIsNothingButRoundingStays) {
+TEST(TwistNoise, RoundingCovarianceStays) {
   Twists twists(9);
   twists.shares.setConstant(0.1);
   TwistNoise noise = learned(twists, 600);
@@ -522,7 +522,7 @@ TEST(TwistNoise, ACovarianceThatIsNothingButRoundingStays) {
   EXPECT_LT(noise.scaled(twists.covariance)(3, 3), 0.3 * twists.covariance(3, 3));
 }
 
-TEST(Relief, IsSeenWhereNearlyAllPicturesDeviate) {
+TEST(Relief, SeenWhereNearlyAllPicturesDeviate) {
   Relief flat;
   for (int i = 0; i < 300; ++i) flat.add(i % 5 < 3 ? 1e-3 : 0.0, 0.3);  // by chance
   EXPECT_FALSE(flat.isSeen());

@@ -37,7 +37,7 @@ std::vector<int> taken(Inbox<int>& inbox) {
   return items;
 }
 
-TEST(Inbox, KeepsTheOrderOfArrivalAndDropsTheOldestOfAKindAlone) {
+TEST(Inbox, KeepsOrderAndDropsOldestOfAKind) {
   Inbox<int> inbox;
   inbox.setLimits(kData, 2, 1000);
   inbox.put(0, 0, 100);
@@ -66,7 +66,7 @@ TEST(Inbox, IsBoundedInBytesButTheNewestStays) {
   EXPECT_EQ(inbox.put(kData, 30, 12), 0U) << "what was taken counts no more";
 }
 
-TEST(Inbox, WhatIsClearedIsNotTakenAndAClosedOneGivesNothing) {
+TEST(Inbox, ClearedItemsAreNotTakenAndClosedInboxIsEmpty) {
   Inbox<int> inbox;
   inbox.put(kData, 0, 1);
   inbox.put(kOther, 0, 2);

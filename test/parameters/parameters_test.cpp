@@ -70,7 +70,7 @@ TEST(Parameters, ChooseTheMethodForAFixedReference) {
   }
 }
 
-TEST(Parameters, OfLargeImagesSayThatSmallerOnesAreRecognised) {
+TEST(Parameters, AdviseSmallerImages) {
   EXPECT_EQ(noteOnSize(2500), "");
   test::expectSays(noteOnSize(4032), "are 4032 px long; made 1000 to 2500 px long");
 }

@@ -85,7 +85,7 @@ PlanarPoses posesOf(const Eigen::Matrix3d& homography, const Covariance8& covari
   return planarPoses(homography, covariance, camera(), kReference, kWidth);
 }
 
-TEST(PlanarPose, IsTheTruthForATrueHomography) {
+TEST(PlanarPose, TrueHomographyGivesTruePose) {
   std::mt19937 random(1);
   const Eigen::Isometry3d truth = somePose();
   const Covariance8 covariance = covarianceOf(truth, 0.5, random);
@@ -149,7 +149,7 @@ std::vector<Eigen::Matrix3d> rotationsOfCorners(const Eigen::Matrix3d& h) {
 
 /// A target of 60 px whose corners are uncertain by a pixel: an undamped iteration diverges for
 /// many of these, and would leave its start without a covariance.
-TEST(PlanarPose, OfASmallTargetIsFiniteAndNearThatOfItsCorners) {
+TEST(PlanarPose, SmallTargetPoseIsFiniteAndNearItsCorners) {
   std::mt19937 random(5);
   int poses = 0, trials = 0;
   for (const double tilt : {0.02, 0.3, 0.7, 1.1}) {
@@ -183,7 +183,7 @@ TEST(PlanarPose, OfASmallTargetIsFiniteAndNearThatOfItsCorners) {
 }
 
 /// From afar, a small tilt to the left looks like one to the right; near and steep there is one.
-TEST(PlanarPose, AFrontalViewAllowsTwo) {
+TEST(PlanarPose, FrontalViewAllowsTwo) {
   std::mt19937 random(6);
   const auto ofTruth = [&](const Eigen::Isometry3d& truth) {
     const Covariance8 covariance = covarianceOf(truth, 0.5, random);
@@ -201,7 +201,7 @@ TEST(PlanarPose, AFrontalViewAllowsTwo) {
   EXPECT_EQ(one[0].share, 1.0);
 }
 
-TEST(PlanarPose, IsTheTrueOneOfTwoAsOftenAsItsShareSays) {
+TEST(PlanarPose, ShareIsTheProbabilityOfTheTruePose) {
   std::mt19937 random(7);
   const Eigen::Isometry3d truth = farPose(60.0, 0.3);
   const Covariance8 covariance = covarianceOf(truth, 0.8, random);
@@ -239,7 +239,7 @@ TEST(PlanarPose, IsNotCertainWhereItMisfits) {
 }
 
 /// It tells which of the poses are near enough, and how certain they are.
-TEST(PlanarPose, IsNotThereWithoutACovariance) {
+TEST(PlanarPose, NoCovarianceNoPose) {
   std::mt19937 random(3);
   const Eigen::Matrix3d homography = fit(somePose(), 0.0, random);
   for (const double value : {std::nan(""), 0.0, -1.0}) {
@@ -249,7 +249,7 @@ TEST(PlanarPose, IsNotThereWithoutACovariance) {
   }
 }
 
-TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {
+TEST(PlanarPose, MirrorImageHasNoPose) {
   std::mt19937 random(4);
   Eigen::Matrix3d mirrored = fit(somePose(), 0.0, random);
   mirrored.col(0) *= -1.0;
@@ -429,7 +429,7 @@ ShutterErrors errorsOf(double readout_time, double noise,
   return {metrics::median(metres), metrics::median(degrees), poses};
 }
 
-TEST(PlanarPose, OfATargetThatPassesARollingShutterIsThatOfItsMiddleRow) {
+TEST(PlanarPose, RollingShutterPoseIsOfTheMiddleRow) {
   for (const double noise : {0.1, 0.5}) {
     const ShutterErrors bent = errorsOf(0.0, noise);
     const ShutterErrors straight = errorsOf(kReadout, noise);
@@ -465,7 +465,7 @@ TEST(PlanarPose, KnowsWhenAFallingPointWasSeen) {
 
 // A camera that moves to the side or turns, and whose readout time nobody has said. As if it had a
 // global shutter, the pose is off by many deviations.
-TEST(PlanarPose, HasATrueCovarianceBeforeAShutterThatIsNotKnown) {
+TEST(PlanarPose, UnknownShutterIsWithinCovariance) {
   for (const auto& [speed, turn] :
        {std::pair(0.0, 0.0), std::pair(0.5, 0.0), std::pair(1.0, 0.0), std::pair(0.0, 0.5)}) {
     for (const double readout : {0.0, kReadout}) {

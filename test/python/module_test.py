@@ -252,7 +252,7 @@ class ModuleTest(unittest.TestCase):
             with self.assertRaises(ValueError):
                 array[0] = 0
 
-    def test_an_extractor_changes_nothing_that_is_held(self):
+    def test_an_extractor_does_not_change_held_results(self):
         extractor = ktgp.Extractor()
         held = extractor.extract(self.reference)
         rows = extractor.extract(self.reference).descriptors  # without its Features

@@ -90,7 +90,7 @@ class BagEvaluationTest(FolderCase):
         self.assertTrue(turned, said)
         self.assertAlmostEqual(float(turned.group(1)), 2.0, delta=4 * float(turned.group(2)))
 
-    def test_an_imu_that_is_where_tf_says_is_not_blamed(self):
+    def test_a_correctly_mounted_imu_has_no_warning(self):
         said = self.said_about_imu(0.0, 0.0)
         self.assertIn('the Imu, as the pictures show it: mounted', said)
         self.assertNotIn('seem', said)

@@ -181,7 +181,7 @@ class BagInputsTest(FolderCase):
             self.assertLess(max(message.target_x), 161)
         self.run_bag(bag, '--roi', '0 0 160', code=2, words="roi is '0 0 160'; expected x y width height")
 
-    def test_a_mask_of_16_bits_hides_what_is_black_alone(self):
+    def test_a_16_bit_mask_hides_only_black(self):
         mask = np.zeros((SIZE[1], SIZE[0]), np.uint16)
         mask[:, 100:200] = 30000
         mask[:, 200:] = 1
@@ -200,7 +200,7 @@ class BagInputsTest(FolderCase):
         self.assertEqual({m.rectified for m in self.output('homography')}, {True})
         self.assertEqual([m.reason for m in self.output('statistics')], [1] + (FRAMES - 1) * [0])
 
-    def test_why_there_is_no_motion_of_the_camera_is_said(self):
+    def test_the_reason_for_no_camera_motion_is_reported(self):
         for info, words in ((None, "no camera_info on '/front/camera_info', which geometry auto needs"),
                             (calibration(5 * [1e9]), 'the distortion of the lens cannot be undone'),
                             (calibration(size=(2 * SIZE[0], SIZE[1])), 'the camera_info is of 640x240 images')):

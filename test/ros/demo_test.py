@@ -141,7 +141,7 @@ class DemoTest(FolderCase):
             truth = [z / np.cos(np.radians(t)) for z, t in zip(height, tilts)]
             self.assertLess(np.max(np.abs(np.divide(ranges, truth) - 1)), 0.06)
 
-    def test_an_option_that_is_none_is_refused(self):
+    def test_unknown_option_is_refused(self):
         self.demo('--no-such-option', code=2, prints='--no-such-option')
 
 

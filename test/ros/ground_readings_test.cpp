@@ -27,7 +27,7 @@ std::string textOf(const GroundMotionConfig& config) {
   return text.str();
 }
 
-TEST(GroundReadings, DefaultsAreThoseOfTheNode) {
+TEST(GroundReadings, DefaultsEqualTheNodes) {
   const std::string expected = textOf(GroundMotionConfig::__getDefault__());
   test::expectSays(expected, "height_deviation");
   EXPECT_EQ(textOf(groundMotionDefaults()), expected);
@@ -73,7 +73,7 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
   EXPECT_EQ(usable(config).base_frame, "base_link");
 }
 
-TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
+TEST(GroundReadings, MeaninglessReadoutTimeIsRefused) {
   for (const double time : {-0.5, 0.201, -0.999}) {
     test::expectSays(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }),
                      "expected -1, not known, 0, a global shutter, or up to 0.2 s");
@@ -150,7 +150,7 @@ TEST(GroundReadings, StampsThatJitterLoseNoReading) {
   EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.06 * 3.0, 1e-6);
 }
 
-TEST(GroundReadings, AClockThatGoesBackBeginsAnew) {
+TEST(GroundReadings, ClockGoingBackRestarts) {
   Stream stream;
   stream.addImu(1000.0, 1.0);
   stream.addImu(0.8, 2.0);
@@ -218,7 +218,7 @@ TEST(GroundReadings, WaitsForEachTransformThatAnImageNeeds) {
   }
 }
 
-TEST(GroundReadings, ARangeCountsOnceAndOnlyWhereItWasUsed) {
+TEST(GroundReadings, RangeCountsOnceWhereUsed) {
   Stream stream;
   stream.addRange(1.0);
   const auto estimate_is = [&](GroundStatus status) {
@@ -244,7 +244,7 @@ TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {
       "the angular_velocity_covariance on /imu begins with -1, so it has no angular velocity");
 }
 
-TEST(PoseMessage, WhatIsNoPoseOrNoCovarianceIsRefused) {
+TEST(PoseMessage, BadPoseOrCovarianceIsRefused) {
   using Pose = geometry_msgs::PoseWithCovariance;
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const std::string indefinite =

@@ -205,7 +205,7 @@ TEST(Encodings, RefusedOnesAreNamed) {
   }
 }
 
-TEST(Encodings, OfSixteenBitsInEitherOrderOfBytes) {
+TEST(Encodings, SixteenBitsInEitherByteOrder) {
   for (const char* name : {"mono16", "bgr16", "bayer_rggb16"}) {
     const Expectation expected = taken().at(name);
     auto swapped = messageOf(name, expected.pixels);
@@ -243,7 +243,7 @@ TEST(Sizes, MoreDataThanNeededIsTaken) {
   EXPECT_EQ(difference(greyImage(message), grey()), 0.0) << "the last row needs no padding";
 }
 
-TEST(Sizes, ThatDoNotFitAreRefused) {
+TEST(Sizes, WrongSizesAreRefused) {
   using Change = std::function<void(sensor_msgs::Image&)>;
   const std::map<std::string, Change> changes{
       {"step is 63; expected at least 64", [](auto& m) { m.step = 63; }},
@@ -258,7 +258,7 @@ TEST(Sizes, ThatDoNotFitAreRefused) {
   EXPECT_THROW(greyImage(odd), RefusedImage);
 }
 
-TEST(Sizes, OfARequestAreBoundedOneByOneAndTogether) {
+TEST(Sizes, RequestsAreBoundedPerImageAndInAll) {
   sensor_msgs::Image image;
   image.width = image.height = 8000;
   std::vector<sensor_msgs::Image> images(1, image);
@@ -277,7 +277,7 @@ TEST(Sizes, OfARequestAreBoundedOneByOneAndTogether) {
   EXPECT_NO_THROW(requireSmall("the images", images));
 }
 
-TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
+TEST(Files, SixteenBitFilesConvertLikeMessages) {
   cv::Mat twelve_bits;
   grey().convertTo(twelve_bits, CV_16U, 16.0);
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_test.png";
@@ -290,7 +290,7 @@ TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
 }
 
 // Their black and white are not known.
-TEST(Files, OfFloatsAreRefusedWithTheSameWordsEverywhere) {
+TEST(Files, FloatFilesAreRefusedWithTheSameWords) {
   for (const int type : {CV_32FC1, CV_32FC3, CV_64FC1}) {
     const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_float.tiff";
     ASSERT_TRUE(cv::imwrite(path, cv::Mat(48, 64, type, cv::Scalar::all(0.5))));
@@ -307,7 +307,7 @@ TEST(Files, OfFloatsAreRefusedWithTheSameWordsEverywhere) {
 }
 
 // Opening a pipe would block until it has a writer.
-TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
+TEST(Files, IrregularFilesAreRefused) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_pipe";
   std::remove(path.c_str());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
@@ -559,7 +559,7 @@ TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
   EXPECT_EQ(rawTopic("/camera/image_raw"), "/camera/image_raw");
 }
 
-TEST(Masks, OfAFileAreTakenAtEveryDepth) {
+TEST(Masks, FileMasksOfEveryDepthAreAccepted) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_mask_test.png";
   const cv::Rect right(kWidth / 2, 0, kWidth / 2, kHeight);
   for (const int type : {CV_8UC1, CV_16UC1, CV_8UC3, CV_16UC3, CV_16UC4}) {
@@ -594,7 +594,7 @@ TEST(Roi, RefusesAnythingElse) {
   }
 }
 
-TEST(FrameMaker, APixelCountsWhereAllSaySo) {
+TEST(FrameMaker, MasksAreCombinedByAnd) {
   CameraView view;
   view.roi = {10, 10, 100, 20};  // beyond the right edge
   view.file_mask = cv::Mat::zeros(40, 60, CV_8UC1);
@@ -709,7 +709,7 @@ TEST(MessageMatcher, AConfiguredReferenceStaysOneWithOtherOptions) {
   EXPECT_TRUE(matcher.holdsSetReference());
 }
 
-TEST(Lens, IsThatOfTheCameraInfo) {
+TEST(Lens, EqualsCameraInfo) {
   const LensCalibration c = lensFrom(calibrated())->calibration();
   EXPECT_EQ(c.image_size, cv::Size(640, 480));
   EXPECT_EQ(c.camera(1, 1), 510.0);
@@ -717,7 +717,7 @@ TEST(Lens, IsThatOfTheCameraInfo) {
   EXPECT_EQ(c.distortion.size(), 5U);
 }
 
-TEST(Lens, OfASecondCameraIsTurnedAsRectificationSays) {
+TEST(Lens, SecondCameraIsTurnedByRectification) {
   sensor_msgs::CameraInfo info = calibrated();
   const double c = std::cos(0.05), s = std::sin(0.05);
   info.R = {c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c};
@@ -742,14 +742,14 @@ TEST(Lens, KnowsBinningAndThePartOfTheSensor) {
   EXPECT_EQ(c.rectified_camera(0, 2), 111.0);
 }
 
-TEST(Lens, OfAnUncalibratedCameraIsRefused) {
+TEST(Lens, UncalibratedCameraIsRefused) {
   expectRefused([] { lensFrom(sensor_msgs::CameraInfo()); }, "not calibrated");
   sensor_msgs::CameraInfo info = calibrated();
   info.distortion_model = "mei";
   expectRefused([&] { lensFrom(info); }, "'mei'; expected");
 }
 
-TEST(Lens, WhatNoCameraHasIsRefused) {
+TEST(Lens, ImpossibleCalibrationIsRefused) {
   using Change = std::function<void(sensor_msgs::CameraInfo&)>;
   const std::vector<std::pair<std::string, Change>> changes{
       {"camera matrix has skew, 40.0", [](auto& i) { i.K[1] = 40.0; }},
@@ -772,7 +772,7 @@ TEST(Lens, WhatNoCameraHasIsRefused) {
   }
 }
 
-TEST(Lens, OfAnotherImageSizeIsNotUsed) {
+TEST(Lens, OtherImageSizeIsNotUsed) {
   CameraView view;
   view.lens = lensFrom(calibrated());
   FrameMaker maker({}, view);
@@ -811,7 +811,7 @@ TEST(RateLimiter, SkipsEvenly) {
   }
 }
 
-TEST(RateLimiter, ACameraAsFastAsTheLimitLosesNothingThoughItsStampsShake) {
+TEST(RateLimiter, JitterAtTheLimitLosesNothing) {
   EXPECT_EQ(taken(30.0, 30.0, 3000, 0.2).size(), 3000U);
   EXPECT_EQ(taken(10.0, 30.0, 300, 0.4).size(), 300U);
 }

@@ -51,7 +51,7 @@ class ParameterTablesTest(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, words):
                 ktgp_table.check(rows(*names))
 
-    def test_those_of_the_package_can_be_shown(self):
+    def test_names_of_the_package_can_be_shown(self):
         for table in ('table.def', 'stabilizer.def', 'mosaic.def', 'ground_motion.def',
                       'targets.def'):
             ktgp_table.check(ktgp_table.rows(table))
@@ -185,7 +185,7 @@ class LaunchFilesTest(unittest.TestCase):
         rviz = next(n for n in config.nodes if n.name == 'rviz')
         self.assertIn(['/camera/mosaic/mosaic', '/usb_cam/mosaic/mosaic'], rviz.remap_args)
 
-    def test_what_the_player_is_told(self):
+    def test_arguments_reach_the_player(self):
         given = {'topic': '/a/picture', 'transport': 'theora', 'all': True, 'rate': 0.5, 'start': 2.0,
                  'delay': 3.0, 'loop': True, 'record': "it's out.bag"}
         for name in ('bag.launch', 'tune.launch'):

@@ -206,7 +206,7 @@ class LaunchRunTest(FolderCase):
         handle = self.master.handle
         return handle.hasParam('/use_sim_time') and handle.getParam('/use_sim_time')
 
-    def test_what_cannot_be_played_or_recorded_is_said_before_playing(self):
+    def test_unplayable_bags_are_reported_before_playing(self):
         self.write('rec2.bag', '')
         cases = {'_bag:=' + self.path(): 'is no file; expected a bag',
                  '_rate:=0': 'rate is 0; expected a number above 0',
@@ -263,7 +263,7 @@ class LaunchRunTest(FolderCase):
         again = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false')
         self.assertIn('out.bag exists; nothing is overwritten', again.wait())
 
-    def test_a_wrong_topic_is_said_with_those_there_are(self):
+    def test_a_wrong_topic_is_reported_with_the_existing_ones(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'topic:=/other/image', 'rviz:=false')
         self.assertIn('the bag has no /other/image; its image topics: /camera/image_raw', launch.wait())
         self.check_sim_time()

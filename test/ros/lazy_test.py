@@ -42,7 +42,7 @@ class LazyTest(unittest.TestCase):
         RECORDERS.clear()
         self.camera.wait_for_no_subscriber()
 
-    def test_each_output_alone_subscribes_the_input(self):
+    def test_each_output_subscribes_the_input(self):
         def check(output):
             self.assertEqual(self.camera.subscribers(), 0)
             recorder = subscribe(output)

@@ -14,7 +14,7 @@ from ktgp_testing import MatcherCase, wait_until
 class MatchMessageTest(MatcherCase):
     topics = 'correspondences', 'homography', 'statistics', 'match'
 
-    def test_holds_what_the_topics_carry(self):
+    def test_match_equals_the_single_topics(self):
         self.match.wait_for(self.camera.send_view())
         for _ in range(3):
             sent = rospy.get_time()

@@ -45,7 +45,7 @@ class MosaicTest(unittest.TestCase):
         self.assertEqual(first.status, MatchStatus.STATUS_OK)
         return first
 
-    def test_is_the_picture_that_the_camera_was_moved_over(self):
+    def test_mosaic_equals_the_scene(self):
         pictures = Recorder('/camera/mosaic/mosaic', Image, self)
         wait_until(pictures.publishers, 'the mosaic is connected')
         first = self.begin()
@@ -73,7 +73,7 @@ class MosaicTest(unittest.TestCase):
         self.assertGreater(seen.mean(), 0.5)
         self.assertLess(difference.mean(), 12.0)
 
-    def test_refuses_files_of_no_use(self):
+    def test_unusable_files_are_refused(self):
         self.begin()
         for file in ('', 'map.png', '/tmp/map.jpg', '/no/such/folder/map.png'):
             response = self.save(file)
@@ -93,7 +93,7 @@ class MosaicTest(unittest.TestCase):
             return self.save('/tmp/never.png').message
         wait_until(lambda: 'lazy is on, and no output has a subscriber' in reason(), '~save says why')
 
-    def test_the_map_grows_unseen_and_is_there_for_who_comes_late(self):
+    def test_the_map_grows_without_subscribers(self):
         self.begin()
         stamp = self.send(START[0] + 60, START[1]).header.stamp
         self.poses.close()  # no subscriber any more
@@ -103,7 +103,7 @@ class MosaicTest(unittest.TestCase):
         # Also for who looks at the header of the connection alone, rosbag for example.
         self.assertEqual(pictures.messages()[-1]._connection_header['latching'], '1')
 
-    def test_numbers_that_are_none_are_refused(self):
+    def test_text_in_place_of_numbers_is_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
         diagnostics = Diagnostics(self)
         answer = client.update_configuration({'max_megapixels': float('nan')})

@@ -38,7 +38,7 @@ class ReconfigureTest(MatcherCase):
         self.assertEqual(result['T_w'], 1.0)
         self.assertEqual(result['T_G'], 0.0)
 
-    def test_what_no_clamp_catches_is_refused(self):
+    def test_values_that_cannot_be_clamped_are_refused(self):
         for name, default in KtgpConfig.defaults.items():
             if isinstance(default, float):
                 result = self.client.update_configuration({name: float('nan')})

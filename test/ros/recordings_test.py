@@ -236,7 +236,7 @@ class VideoTest(RecordingCase):
         small = self.match('images/*', 'small.bag', '--rate', '1', '--longest_side', '1000', words='; without: ')
         self.assertNotIn('px long', small.stderr)
 
-    def test_an_image_that_is_none_is_refused_alone(self):
+    def test_bad_image_does_not_stop_the_others(self):
         self.write_images('%d.png', pictures(4))
         self.write('images/2.png', 'no image')
         self.match('images/*', 'out.bag', code=1, words=('3 images of /camera/image_raw matched, 1 refused',
@@ -259,7 +259,7 @@ class VideoTest(RecordingCase):
         self.assertNotIn('JPEG data', run.stderr)
         self.assertIn('images/3.jpg: is damaged or cut off', self.read('out.csv'))
 
-    def test_what_cannot_be_read_is_said(self):
+    def test_unreadable_input_is_reported(self):
         self.write('text.mp4', 'no video')
         os.mkfifo(self.path('pipe.mp4'))
         self.write_bag('in.bag')

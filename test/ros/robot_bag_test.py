@@ -198,7 +198,7 @@ class BagTest(FolderCase):
         (self.folder / 'unindexed.bag').write_bytes(content)
         self.check_damaged('unindexed.bag', 'no index', FRAMES, FRAMES)
 
-    def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
+    def test_files_without_bag_or_topic_are_named(self):
         cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
                  (__file__, '/camera/image_raw', 'is not a bag, so there is no topic to choose'),
                  ('/no/such.bag', '/camera/image_raw', 'is missing'))

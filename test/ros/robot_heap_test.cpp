@@ -132,7 +132,7 @@ Site siteOf(const StackCounts::Stack& stack) {
 
 constexpr int kFrames = 1000;
 
-TEST(RobotHeap, IsAskedForMessagesAlone) {
+TEST(RobotHeap, OnlyMessagesAllocate) {
   nodelet::Loader loader(false);
   ASSERT_TRUE(loadMatcher(loader, "/camera"));
   Camera camera("/camera/image_raw", cv::Size(320, 240), 30.0);

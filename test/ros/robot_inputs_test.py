@@ -114,7 +114,7 @@ class InputsTest(MatcherCase):
         self.mask.publish(image_message(np.full((HEIGHT, WIDTH), 255, np.uint8), rospy.Time(1)))
         self.diagnostics.wait_for_words('hides nothing: only black (0) and transparent pixels hide')
 
-    def test_a_mask_of_another_size_is_said(self):
+    def test_a_mask_of_another_size_is_reported(self):
         refused = self.send_view().refused_frames
         with tempfile.NamedTemporaryFile(suffix='.png') as file:
             cv2.imwrite(file.name, np.full((100, 200), 255, np.uint8))
@@ -124,7 +124,7 @@ class InputsTest(MatcherCase):
         self.client.update_configuration({'mask_image': ''})
         self.assertEqual(self.send_view().refused_frames, refused + 1)
 
-    def test_what_is_no_roi_is_refused(self):
+    def test_bad_roi_is_refused(self):
         for roi in ('1 2 3', '0 0 -1 5', 'all'):
             answer = self.client.update_configuration({'roi': roi})
             self.assertEqual(answer['roi'], '')
@@ -218,7 +218,7 @@ class InputsTest(MatcherCase):
             self.assertFalse(send())
         check_each(poster.REFUSED, check)
 
-    def test_rectifying_what_is_rectified_is_refused(self):
+    def test_rectifying_twice_is_refused(self):
         answer = self.client.update_configuration({'calibration': 'rectified', 'rectify': True})
         self.addCleanup(self.client.update_configuration, {'calibration': 'by_name'})
         self.assertFalse(answer['rectify'])
@@ -244,7 +244,7 @@ class InputsTest(MatcherCase):
         last = self.send_until_changed(before, lambda: self.send_again(view(200, 150)))
         self.assertEqual(last.reason, MatchStatus.REASON_NOT_SET)
 
-    def test_a_pipe_as_an_image_file_holds_nothing_up(self):
+    def test_a_pipe_as_an_image_file_does_not_block(self):
         path = os.path.join(tempfile.mkdtemp(), 'pipe')
         os.mkfifo(path)
         answers = []

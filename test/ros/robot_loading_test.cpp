@@ -50,7 +50,7 @@ TEST(Loading, CyclesUnderTrafficLeakNothingAndFallSilent) {
 #endif
 }
 
-TEST(Loading, AFailedStartLeavesTheManagerInOrder) {
+TEST(Loading, FailedStartDoesNotHarmTheManager) {
   nodelet::Loader loader(false);
   for (int cycle = 0; cycle < 5; ++cycle) {
     ros::param::set("/camera/matcher/reference_image", "/no/such/file.png");

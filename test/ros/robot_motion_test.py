@@ -153,7 +153,7 @@ class MotionTest(unittest.TestCase):
             base = 0.0 if name == 'by_parameter' else LEVER[2]
             self.assertLess(abs(odometry.pose.pose.position.z - (HEIGHT - base)), 0.05, name)
 
-    def test_2_tf_is_sent_by_the_one_that_was_asked(self):
+    def test_2_tf_is_sent_only_where_publish_tf_is_set(self):
         stamp = self.twist_after('ground_motion').header.stamp
 
         def sent():
@@ -221,7 +221,7 @@ class MotionTest(unittest.TestCase):
         self.diagnosed('nothing is published: no height: no new reading yet', 'by_motion', height=None)
         self.twist_after('by_motion')
 
-    def test_5_choices_that_are_none_are_refused(self):
+    def test_5_unknown_choices_are_refused(self):
         client = Client('/camera/by_parameter', timeout=TIMEOUT)
         # ROS's client itself makes imu of IMU.
         for name, value, usual in (('height_source', 'laser', 'parameter'), ('normal_source', 'gyro', 'imu'),
@@ -261,7 +261,7 @@ class MotionTest(unittest.TestCase):
         self.assertGreater(after.pose.covariance[0], before.pose.covariance[0] + 0.1)
         self.said('the odometry goes on after')
 
-    def test_8_a_clock_that_jumps_begins_anew(self):
+    def test_8_a_clock_that_jumps_restarts(self):
         self.twist_after('ground_motion')
         self.camera._stamp -= rospy.Duration(200.0)
         self.send()

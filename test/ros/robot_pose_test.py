@@ -80,7 +80,7 @@ class PoseTest(TargetsCase):
             print('  ' + name)
         check_each(RIGHT, check)
 
-    def test_what_cannot_be_used_is_refused_with_the_reason(self):
+    def test_unusable_input_is_refused_with_the_reason(self):
         picture = rendered(K)
 
         def check(name):
@@ -96,7 +96,7 @@ class PoseTest(TargetsCase):
             self.assertFalse(self.send(picture, info)[0].has_pose)
         check_each(REFUSED, check)
 
-    def test_a_transform_alone_is_reason_enough_to_search(self):
+    def test_a_target_with_a_frame_is_searched_without_subscribers(self):
         camera = Camera('/poster/image_raw')
         info = rospy.Publisher('/poster/camera_info', CameraInfo, queue_size=5, latch=True)
         transforms = Recorder('/tf', TFMessage, self)

@@ -132,7 +132,7 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
 }
 
 // The frame is lost with the process, but that it existed is known.
-TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
+TEST_F(Stream, RestartReportsTheLostReference) {
   Reports reports("/diagnostics");
   const auto said = [&] {
     return anyMessage(reports).find("the reference that ~set_reference took is lost") !=
@@ -366,7 +366,7 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
   ros::param::del("/other");
 }
 
-TEST(StreamTransport, IsReadOnceAtTheStart) {
+TEST(StreamTransport, ReadOnceAtTheStart) {
   nodelet::Loader loader(false);
   ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
   ros::param::set(kMatcher + "image_transport", "not_installed");

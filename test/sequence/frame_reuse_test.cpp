@@ -115,7 +115,7 @@ class Holder {
   std::thread thread_{[this] { run(); }};
 };
 
-TEST(FrameReuse, AFrameIsUsedAgainOnceAnotherThreadHasLetItGo) {
+TEST(FrameReuse, ReleasedFrameIsReused) {
   SequenceOptions options;
   options.orb.max_features = 300;
   SequenceMatcher matcher(options);
@@ -167,7 +167,7 @@ SequenceOptions fewFeatures(ReferenceMode mode, int features) {
   return options;
 }
 
-TEST(FrameReuse, NewOptionsLeaveFramesAloneThatWereHandedOut) {
+TEST(FrameReuse, NewOptionsDoNotChangeSharedFrames) {
   for (ReferenceMode mode :
        {ReferenceMode::previous, ReferenceMode::keyframe, ReferenceMode::fixed}) {
     SCOPED_TRACE(static_cast<int>(mode));
@@ -194,7 +194,7 @@ TEST(FrameReuse, NewOptionsLeaveFramesAloneThatWereHandedOut) {
   }
 }
 
-TEST(FrameReuse, NewOptionsLeaveAFrameAloneThatIsHandedInAgain) {
+TEST(FrameReuse, NewOptionsDoNotChangeAFrameGivenAgain) {
   SequenceMatcher matcher(fewFeatures(ReferenceMode::previous, 400));
   const FramePtr frame = test::frameOf(matcher, view(0));
   EXPECT_EQ(matcher.match(frame).frame, frame) << "its features are found in itself";
@@ -208,7 +208,7 @@ TEST(FrameReuse, NewOptionsLeaveAFrameAloneThatIsHandedInAgain) {
 }
 
 // The mode does not need the features yet; a frame given without features stays without.
-TEST(FrameReuse, AFixedReferenceStaysAsItIsUntilItIsNeeded) {
+TEST(FrameReuse, FixedReferenceIsExtractedWhenNeeded) {
   SequenceMatcher matcher(fewFeatures(ReferenceMode::previous, 400));
   const FramePtr target = std::make_shared<Frame>();
   target->image = view(0);
@@ -220,7 +220,7 @@ TEST(FrameReuse, AFixedReferenceStaysAsItIsUntilItIsNeeded) {
 }
 
 // The caller's pixels are not reused before the last frame with them is released.
-TEST(FrameReuse, AFrameFoundAnewKeepsThePixelsOfTheOldOne) {
+TEST(FrameReuse, NewFrameSharesPixelsOfTheOldOne) {
   SequenceMatcher matcher(fewFeatures(ReferenceMode::previous, 400));
   const cv::Mat pixels = view(0);
   std::weak_ptr<Frame> held;

@@ -108,19 +108,19 @@ Identity run(double search_radius, bool turned) {
   return identity;
 }
 
-TEST(Identity, KeypointsAndDescriptorsAreThoseOfX86) {
+TEST(Identity, KeypointsAndDescriptorsEqualX86) {
   const Identity identity = run(0.0, false);
   EXPECT_EQ(identity.keypoints.value(), 0x2520e3a28f5d4318U);
   EXPECT_EQ(identity.descriptors.value(), 0x866ceb1cd0b3c1baU);
 }
 
-TEST(Identity, MatchesAreThoseOfX86) {
+TEST(Identity, MatchesEqualX86) {
   EXPECT_EQ(run(0.0, false).neighbours.value(), 0xed2c5fe6c86ce690U);
   EXPECT_EQ(run(0.0, true).neighbours.value(), 0x37bc9c19f5d1eff3U);
   EXPECT_EQ(run(30.0, false).neighbours.value(), 0x1d4873fe1ce80ee5U);
 }
 
-TEST(Identity, InliersAreThoseOfX86) {
+TEST(Identity, InliersEqualX86) {
   EXPECT_EQ(run(0.0, false).inliers.value(), 0xe065e584b13d755bU);
 }
 

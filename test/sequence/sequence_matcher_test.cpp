@@ -73,7 +73,7 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
 }
 
 // A patch of ORB is as large as half of this reference.
-TEST(SequenceMatcher, ASmallFixedReferenceIsFoundWhereItMayBeEnlarged) {
+TEST(SequenceMatcher, SmallFixedReferenceIsEnlarged) {
   const cv::Mat picture = test::blockImage(cv::Size(340, 260), 3, 60);
   const cv::Rect where(130, 90, 76, 70);
   for (const int enlarge_below : {0, 160}) {
@@ -135,7 +135,7 @@ TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
 }
 
 // The camera moves by whole pixels, so a keypoint stays at its place in the world.
-TEST(SequenceMatcher, ATrackStaysWithItsKeypoint) {
+TEST(SequenceMatcher, TrackStaysWithItsKeypoint) {
   for (const ReferenceMode mode :
        {ReferenceMode::previous, ReferenceMode::keyframe, ReferenceMode::fixed}) {
     SequenceMatcher matcher(sequenceOf(mode));
@@ -288,7 +288,7 @@ TEST(SequenceMatcher, NamesEveryReason) {
   EXPECT_STREQ(toString(NoReference::stamp_went_back), "stamp_went_back");
 }
 
-TEST(SequenceMatcher, AFrameThatShowsNothingBreaksTheChain) {
+TEST(SequenceMatcher, BlankFrameBreaksTheChain) {
   SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
   matcher.match(view(0), 0.0);
   matcher.match(view(1), 0.1);
@@ -302,7 +302,7 @@ TEST(SequenceMatcher, AFrameThatShowsNothingBreaksTheChain) {
   EXPECT_EQ(found.first_stamp, 300'000'000);
 }
 
-TEST(SequenceMatcher, AKeyframeStaysWhileItOverlaps) {
+TEST(SequenceMatcher, KeyframeStaysWhileItOverlaps) {
   SequenceOptions options = sequenceOf(ReferenceMode::keyframe);
   options.reference.min_overlap = 0.9;
   options.reference.min_inliers = 10;
@@ -319,7 +319,7 @@ TEST(SequenceMatcher, AKeyframeStaysWhileItOverlaps) {
   }
 }
 
-TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
+TEST(SequenceMatcher, WeakKeyframeStaysIfPreviousFrameDoesNotMatch) {
   SequenceOptions options = sequenceOf(ReferenceMode::keyframe);
   options.orb.max_features = 1000;
   options.reference.min_inliers = 4;
@@ -349,7 +349,7 @@ TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
       << "both matches take their time";
 }
 
-TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
+TEST(SequenceMatcher, FixedReferenceStaysUntilReset) {
   SequenceMatcher matcher(sequenceOf(ReferenceMode::fixed));
   matcher.match(view(0), 0.0);
   matcher.fixNextFrame();
@@ -370,7 +370,7 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
   EXPECT_EQ(matcher.fixedReference(), target);
 }
 
-TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
+TEST(SequenceMatcher, MatchAheadNeedsItsReference) {
   const SequenceOptions options = withImages(sequenceOf(ReferenceMode::previous));
   OrbExtractor extractor(options.orb);
   std::vector<FramePtr> frames;
@@ -528,7 +528,7 @@ TEST(MotionPredictor, CarriesTheMotionOnForTheTimeToTheNextFrame) {
   expectTranslation(predicted(7, 7, 8), 2.0, 1.0, 1e-9);
 }
 
-TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {
+TEST(HomographyChain, UnknownCovarianceStaysUnknown) {
   const UncertainHomography exact{Eigen::Matrix3d::Identity()};
   UncertainHomography unknown{Eigen::Matrix3d::Identity()};
   unknown.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -677,7 +677,7 @@ TEST(SequenceSearch, KnowsNoMotionAfterAGapAndAReset) {
   EXPECT_EQ(matcher.match(test::viewAt(2, 0), 10.7).match.search, Search::near);
 }
 
-TEST(SequenceSearch, RepeatsItselfForAnyNumberOfThreads) {
+TEST(SequenceSearch, SameForAnyNumberOfThreads) {
   SequenceOptions two = searching(kRadius);
   two.orb.threads = two.matcher.knn.threads = 2;
   SequenceMatcher one(searching(kRadius));
@@ -710,7 +710,7 @@ void expectPath(const Eigen::Matrix3d& actual, const Eigen::Matrix3d& expected) 
   EXPECT_LT(metrics::cornerError(actual, expected, {640, 480}), 0.25e-6);
 }
 
-TEST(FramePath, IsTheProductOfItsSteps) {
+TEST(FramePath, EqualsProductOfItsSteps) {
   FramePath path(100);
   EXPECT_FALSE(path.add(0, 0, std::nullopt));
   for (int i = 1; i < 50; ++i) EXPECT_TRUE(path.add(i, i - 1, between(i - 1, i)));

@@ -294,7 +294,7 @@ TEST(Stabilizer, TakesOutMostOfWhatARollingShutterBends) {
   EXPECT_LT(jitter, 0.25);
 }
 
-TEST(Shake, IsTheMeanSquareOfTheSecondDifference) {
+TEST(Shake, EqualsMeanSquareOfSecondDifference) {
   const auto shift = [](double x) { return test::translation(x, 0.0); };
   EXPECT_DOUBLE_EQ(shakeOf({shift(3.0), shift(5.0), shift(5.0)}, kSize), 2.0);
   EXPECT_EQ(shakeOf({shift(3.0)}, kSize), 0.0);
@@ -341,7 +341,7 @@ class SteadyPath : public ::testing::Test {
 
 // Steadier means a lower cost. The jitter alone is no measure: with lag 30 it is 0.05 px on each of
 // these flights, over the whole recording 0.05 to 0.11 px.
-TEST_F(SteadyPath, IsSteadierThanTheCausalOneWithTheLongestLag) {
+TEST_F(SteadyPath, SteadierThanCausalPathWithLongestLag) {
   StabilizerOptions options;
   options.lag = 30;
   for (unsigned seed = 1; seed <= 8; ++seed) {
@@ -395,7 +395,7 @@ TEST_F(SteadyPath, CutsAndGapsBeginANewPathWithoutAJumpOfTheWindow) {
   EXPECT_LT(shakeAfter(steps, warps), 0.09 * shakeBefore(steps));
 }
 
-TEST_F(SteadyPath, ALongRecordingHasNoSeams) {
+TEST_F(SteadyPath, LongRecordingHasNoSeams) {
   const Steps steps = stepsOf(shakingFlight(800, 3.0, 2.0));
   const Path warps = steadyPath(steps, kSize, 0.1);
   EXPECT_LT(beyondBorder(warps), 1e-6);
@@ -407,7 +407,7 @@ TEST_F(SteadyPath, ALongRecordingHasNoSeams) {
   }
 }
 
-TEST_F(SteadyPath, IsTheSameEveryTime) {
+TEST_F(SteadyPath, Deterministic) {
   const Steps steps = stepsOf(shakingFlight(100, 10.0, 5.0));
   const Path first = steadyPath(steps, kSize, 0.1);
   const Path second = steadyPath(steps, kSize, 0.1);

@@ -389,12 +389,12 @@ void expectOneTarget(const cv::Mat& picture, const Copy& copyOf) {
   EXPECT_EQ(frame.detections[0].status, Status::ok);
 }
 
-TEST(TargetFinder, AThousandTimesTheSamePictureIsOneTarget) {
+TEST(TargetFinder, ThousandEqualPicturesAreOneTarget) {
   const cv::Mat picture = test::drawnPicture({160, 120}, 1);
   expectOneTarget(picture, [&](int) { return picture; });
 }
 
-TEST(TargetFinder, AThousandSlightlyDifferentCopiesAreOneTarget) {
+TEST(TargetFinder, ThousandSimilarPicturesAreOneTarget) {
   const cv::Mat picture = test::drawnPicture({160, 120}, 1);
   expectOneTarget(picture, [&](int i) {
     cv::Mat copy = picture(cv::Rect(i % 3, i / 3 % 3, 158, 118)).clone();
@@ -415,7 +415,7 @@ TEST(TargetFinder, PostersWithTheSameLogoAreTwoTargets) {
   EXPECT_EQ(reasonOf(finder, other), "");
 }
 
-TEST(TargetFinder, APictureWithTextureInItsMiddleIsTheSameAsItsCopy) {
+TEST(TargetFinder, CopyWithTextureInTheMiddleIsRefused) {
   cv::Mat sparse(3 * kPoster.height, 3 * kPoster.width, CV_8U, cv::Scalar(128));
   poster(0).images[0].copyTo(sparse(cv::Rect(cv::Point(kPoster), kPoster)));
   TargetFinder finder;
@@ -518,7 +518,7 @@ TEST(TargetFinder, AnotherPhotographOfATargetIsRefused) {
 }
 
 /// A picture that is a part of another one's picture, and known by itself.
-TEST(TargetFinder, ATargetInsideAnotherOneIsFound) {
+TEST(TargetFinder, TargetInsideAnotherIsFound) {
   for (const double share : {0.25, 0.3, 0.5}) {
     TargetFinder finder;
     const cv::Mat inner = test::drawnPicture({300, 220}, 31);
@@ -565,7 +565,7 @@ TEST(TargetFinder, NamesWhatLooksTheSameInAnotherPose) {
   }
 }
 
-TEST(TargetFinder, AFrameBelongsToOneTarget) {
+TEST(TargetFinder, FrameNameBelongsToOneTarget) {
   TargetFinder finder;
   Target door = poster(0), other = poster(1);
   door.frame = "door";
@@ -688,7 +688,7 @@ TEST(TargetFinder, SteepTargetsGrowFromTheGreyValues) {
 }
 
 /// Only the corners of the target are in the frame. Their keypoints alone would be enough evidence.
-TEST(TargetFinder, WhatLooksDifferentInMostPartsIsNotFound) {
+TEST(TargetFinder, MostlyDifferentPictureIsNotFound) {
   TargetFinder finder;
   const Target target = test::targetOf("poster", test::drawnPicture({360, 270}, 9));
   finder.add(target);
@@ -733,7 +733,7 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   EXPECT_EQ(seen, 2U);
 }
 
-TEST(TargetFinder, WhatIsFollowedDoesNotWaitForTheBudget) {
+TEST(TargetFinder, FollowedTargetsIgnoreTheBudget) {
   TargetFinderOptions options;
   options.smallest_side = 80.0;  // else the frame of the first search is made larger
   TargetFinder finder = finderOf(16, options);
@@ -764,7 +764,7 @@ TEST(TargetFinder, TheSameFramesGiveTheSameBits) {
   expectSame(finderOf(8).find(image), finderOf(8).find(image).detections);
 }
 
-TEST(TargetFinder, AnImageAloneChangesNothing) {
+TEST(TargetFinder, SingleImageDoesNotChangeTheTracks) {
   TargetFinder finder = finderOf(4);
   finder.setSearch(0.0, 80.0, 8);
   EXPECT_THROW(finder.setSearch(-1.0, 80.0, 8), std::invalid_argument);
@@ -898,7 +898,7 @@ class Conflicts : public testing::Test {
   using Doubtful = std::vector<std::uint8_t>;
 };
 
-TEST_F(Conflicts, OfTwoInOnePlaceTheOneWithLessSupportIsDoubtful) {
+TEST_F(Conflicts, WeakerOfTwoInOnePlaceIsDoubtful) {
   // They have no keypoint in common, and each covers its picture.
   EXPECT_EQ(doubtful(40, 30, 60, 0.9), (Doubtful{0, 1}));
   EXPECT_EQ(doubtful(30, 40, 60, 0.9), (Doubtful{1, 0}));
@@ -908,7 +908,7 @@ TEST_F(Conflicts, OfTwoInOnePlaceTheOneWithLessSupportIsDoubtful) {
   EXPECT_EQ(doubtful(40, 30, 160, 0.9), (Doubtful{0, 0}));
 }
 
-TEST_F(Conflicts, WhatAgreesLessThanTheTargetAroundItIsDoubtful) {
+TEST_F(Conflicts, WeakerThanItsSurroundingTargetIsDoubtful) {
   // Two parts of one house: the windows of the second one are also within the first one.
   FoundTarget around = found(a_, 50, 0, 40, 0.9);
   FoundTarget inside = found(b_, 160, 100, 30, 0.9);
@@ -925,7 +925,7 @@ TEST_F(Conflicts, InstancesOfOneTargetMayOverlap) {
   EXPECT_EQ(doubtful(40, 30, 60, 0.9, true), (Doubtful{0, 0}));
 }
 
-TEST_F(Conflicts, APartInsideAnotherTargetIsNoTarget) {
+TEST_F(Conflicts, PartInsideAnotherTargetIsRejected) {
   // A part of the second one is seen, within the first one: they have this part in common.
   EXPECT_EQ(doubtful(40, 30, 160, 0.2), (Doubtful{0, 1}));
   // A part outside of the first one; one that is seen as a whole may lie on it, see above.

@@ -38,7 +38,7 @@ void expectEqual(const MatcherOptions& preset, const MatcherOptions& core,
   EXPECT_EQ(preset.shared_error, core.shared_error);
 }
 
-TEST(Presets, AreThoseOfTheCore) {
+TEST(Presets, EqualTheCoreOptions) {
   EXPECT_EQ(pipelineOptions({}).orb, OrbOptions{});
   expectEqual(pipelineOptions({}).matcher, MatcherOptions{});
   const auto expectPreset = [](const std::string& name, const MatcherOptions& core,
@@ -63,7 +63,7 @@ TEST(Presets, AreThoseOfTheCore) {
 }
 
 /// Only video says nothing about how far views may differ.
-TEST(Presets, AreTakenAsTheyAreForAFixedReference) {
+TEST(Presets, FixedReferenceDoesNotChangePresets) {
   for (const char* name : {"ktgp", "photo", "robust", "slam", "teblid", "video"}) {
     SCOPED_TRACE(name);
     Parameters parameters;

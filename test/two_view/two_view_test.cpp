@@ -287,7 +287,7 @@ struct Choice {
 
 class Chosen : public testing::TestWithParam<Choice> {};
 
-TEST_P(Chosen, IsTheGeometryOfTheScene) {
+TEST_P(Chosen, EqualsTheGeometryOfTheScene) {
   const auto& [name, shape, geometry, seed, percent] = GetParam();
   Numbers numbers(seed);
   TwoViewEstimator estimator;
@@ -351,7 +351,7 @@ double logChoose(double n, double k) {
 }
 
 // Eight of ten pairs agree, each with a chance of a tenth; two determine one of three models.
-TEST(Support, IsTheNumberOfFalseAlarmsThatExactlySoManyAgree) {
+TEST(Support, EqualsFalseAlarmsOfExactCount) {
   PointPairs pairs;
   for (int i = 0; i < 10; ++i) pairs.add({50.0 * i, 10.0}, {40.0, 30.0 * i}, 0.5);
   Support support;

@@ -144,7 +144,7 @@ TEST(GreyStretch, IgnoresATenthOfAPercentAtEachEnd) {
   }
 }
 
-TEST(GreyStretch, OfTheWholeRangeIsTheSameForEveryFrame) {
+TEST(GreyStretch, WholeRangeIsConstant) {
   for (int other : {0, 65535}) {
     cv::Mat image(2, 2, CV_16UC1, cv::Scalar(other));
     image.at<std::uint16_t>(0, 0) = 12850;
@@ -154,7 +154,7 @@ TEST(GreyStretch, OfTheWholeRangeIsTheSameForEveryFrame) {
   }
 }
 
-TEST(GreyStretch, OfAnEvenImageIsDark) {
+TEST(GreyStretch, UniformImageIsDark) {
   for (int value : {0, 7, 65535}) {
     const cv::Mat even(20, 20, CV_16UC1, cv::Scalar(value));
     EXPECT_EQ(cv::countNonZero(stretchTo8Bit(even)), 0) << value;
@@ -188,7 +188,7 @@ double difference(const MatrixXd& found, const MatrixXd& expected) {
   return (found - expected).norm() / (1.0 + expected.norm());
 }
 
-TEST(SmallMatrix, ProductsAreThoseOfEigen) {
+TEST(SmallMatrix, ProductsEqualEigen) {
   Random random;
   for (const int rows : kSizes) {
     for (const int cols : kSizes) {
@@ -237,7 +237,7 @@ TEST(SmallMatrix, WhiteningMakesACovarianceTheIdentity) {
   EXPECT_FALSE(whiteningOf(MatrixXd::Zero(3, 3)));
 }
 
-TEST(SmallMatrix, LeastSquaresAreThoseOfEigen) {
+TEST(SmallMatrix, LeastSquaresEqualEigen) {
   Random random;
   for (const int rows : kSizes) {
     for (const int cols : kSizes) {

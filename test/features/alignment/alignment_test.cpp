@@ -130,7 +130,7 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
 
 // The fit uses points within twice the threshold, which grows with the image: here a start is off
 // by 1.5 px.
-TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
+TEST(Alignment, LimitsScaleWithThresholdAndImage) {
   const Eigen::Matrix3d start = translation(1.5, 0.0);
   const auto status = [&](double max_error, const cv::Size& size) {
     const auto shade = [](double grey) { return grey; };
@@ -168,7 +168,7 @@ TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
   }
 }
 
-TEST(Alignment, IsUnmovedByAThirdOfThePointsBeingElsewhere) {
+TEST(Alignment, ThirdOfOutliersDoesNotMoveIt) {
   // The lower part of the target shows another picture.
   const Eigen::Matrix3d truth = translation(1.3, 0.4);
   const test::WavePicture picture(5);
@@ -211,7 +211,7 @@ TEST(Alignment, DoesNotLockOntoOneOfTwoPlanes) {
 
 // A relief: every piece of the picture moved independently. The covariance says how little aligned
 // points then determine the nearest plane.
-TEST(Alignment, APictureOfPiecesIsUncertain) {
+TEST(Alignment, PatchworkHasLargeCovariance) {
   const test::WavePicture picture(8);
   std::mt19937 random(6);
   std::uniform_real_distribution<float> shift(-1.5F, 1.5F);
@@ -377,7 +377,7 @@ double normalisedError(double spacing) {
 
 // Eight on average, one for each entry, if the covariance is right. Patches of 16 px at keypoints
 // 8 px apart contain the same noise four times, which counts once.
-TEST(Alignment, ItsCovarianceIsThatOfItsErrors) {
+TEST(Alignment, CovarianceMatchesErrors) {
   for (const double spacing : {17.0, 8.0}) {
     const double error = normalisedError(spacing);
     EXPECT_GT(error, 5.0) << spacing;

@@ -236,7 +236,7 @@ TEST(Lens, AnEqualLensIsTheSameAndAnotherStartsASequence) {
   EXPECT_EQ(reason(newLens()), NoReference::lens_changed);
 }
 
-TEST(Lens, AHomographyThroughALensIsRightInRectifiedPixels) {
+TEST(Lens, HomographyIsRightInRectifiedPixels) {
   const LensCalibration calibration = barrel();
   const SequenceMatch raw = matched(calibration, nullptr);
   const auto lens = std::make_shared<const Lens>(calibration);

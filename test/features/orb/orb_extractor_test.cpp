@@ -168,7 +168,7 @@ TEST_F(OrbBesideOpencv, AgreesForLargeSizes) {
 }
 
 // cv::ORB 4.6 throws for one pixel, because a level shrinks to no pixels at all.
-TEST(OrbExtractor, FindsNothingInAnImageOfNoneOrOnePixel) {
+TEST(OrbExtractor, FindsNothingInEmptyAndOnePixelImages) {
   for (const Size& size :
        {Size(), Size(1, 1), Size(1, 100), Size(100, 1), Size(62, 500), Size(500, 62)}) {
     Features features;
@@ -273,7 +273,7 @@ TEST(OrbImages, DoNotComeWhereNotWanted) {
   EXPECT_TRUE(features.images.empty());
 }
 
-TEST(OrbImages, AreTheImageItselfAndLevelsOfTheWantedRatio) {
+TEST(OrbImages, HaveTheWantedRatio) {
   const cv::Mat image = test::textureImage(cv::Size(320, 240), 2);
   Features features;
   OrbExtractor(sharingImages()).extract(image, features);
@@ -288,7 +288,7 @@ TEST(OrbImages, AreTheImageItselfAndLevelsOfTheWantedRatio) {
   }
 }
 
-TEST(OrbImages, AreTheSameWithLevelsLargerThanTheImage) {
+TEST(OrbImages, LargerLevelsDoNotChangeThem) {
   const cv::Mat image = test::textureImage(cv::Size(120, 90), 2);
   OrbOptions options;
   Features plain, larger;
@@ -345,7 +345,7 @@ TEST(OrbImages, MoveNoMoreOnceTwoFramesHaveTheirs) {
   EXPECT_EQ(frames[1].images[1].data, pixels[1]);
 }
 
-TEST(OrbExtractor, LeavesDescriptorsAloneThatSomebodyElseHolds) {
+TEST(OrbExtractor, DoesNotOverwriteSharedDescriptors) {
   OrbExtractor extractor;
   Features features;
   extractor.extract(test::textureImage(cv::Size(320, 240), 3), features);
@@ -407,7 +407,7 @@ Chosen choose(const cv::Mat& image, int features, std::vector<cv::KeyPoint> corn
   return result;
 }
 
-TEST(UniformChoice, GivesEveryCellAnEqualShareAndLosesNone) {
+TEST(UniformChoice, EveryCellGetsAnEqualShare) {
   const cv::Mat image = test::noiseImage(Size(400, 300), 1);
   for (int count : {0, 1, 5, 50, 200, 500, 1500, 4000}) {
     for (int features : {1, 3, 17, 100, 499, 1000}) {
@@ -487,7 +487,7 @@ TEST(UniformDistribution, KeepsExactlyAsManyAsWantedWhereTheImageHasThem) {
   }
 }
 
-TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
+TEST(UniformDistribution, SameForAnyThreadsAndInstructionSet) {
   const cv::Mat image = halfFaint(Size(403, 301));
   const Features expected = test::featuresOf(image, uniform());
   const auto expect_same = [&](const Features& actual) {

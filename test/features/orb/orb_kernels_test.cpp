@@ -243,7 +243,7 @@ void forEachVector(const Visit& visit) {
   }
 }
 
-TEST(VectorAngle, IsTheArcTangent) {
+TEST(VectorAngle, EqualsArcTangent) {
   forEachVector([](float y, float x) {
     if (x == 0.f && y == 0.f) return;
     const double exact = std::atan2(y, x) * 180 / kPi;
@@ -273,7 +273,7 @@ TEST(VectorAngle, HasTheSameBitsEverywhere) {
 }
 
 #if defined(__x86_64__)
-TEST(VectorAngle, IsThatOfOpencv) {
+TEST(VectorAngle, EqualsOpencv) {
   forEachVector([](float y, float x) { EXPECT_EQ(vectorAngle(y, x), cv::fastAtan2(y, x)); });
 }
 #endif

@@ -154,7 +154,7 @@ TEST(Teblid, ComparesEqualMeansInAFlatImage) {
 }
 
 // Sums beyond 2^31 overflow; their differences are still right.
-TEST(Teblid, IsTheSameWhereTheSumsOverflow) {
+TEST(Teblid, SameWhereSumsOverflow) {
   const cv::Mat image = test::textureImage({200, 150}, 3);
   const cv::Mat integral = integralOf(image);
   cv::Mat shifted = integral.clone();
@@ -280,7 +280,7 @@ TEST(TeblidExtraction, DescribesOrbsKeypoints) {
   }
 }
 
-TEST(TeblidExtraction, IsTheSameWithAnyNumberOfThreads) {
+TEST(TeblidExtraction, SameForAnyNumberOfThreads) {
   const cv::Mat image = test::textureImage({320, 240}, 22);
   OrbOptions options;
   options.descriptor = DescriptorKind::teblid;

@@ -170,7 +170,7 @@ Problem perfectMotion(int quarter_turns, double zoom, int per_cell) {
 
 class GmsMotion : public testing::TestWithParam<std::tuple<int, double>> {};
 
-TEST_P(GmsMotion, IsFoundAndAllOfAPerfectMatchSetIsKept) {
+TEST_P(GmsMotion, PerfectMatchesAreAllKept) {
   const auto [quarter_turns, zoom] = GetParam();
   const Problem problem = perfectMotion(quarter_turns, zoom, 6);
   const GmsResult result = filtered(problem, mode(3)).result;
@@ -250,7 +250,7 @@ TEST(GmsFilter, KeepsFewerForALargerThreshold) {
   }
 }
 
-TEST(GmsFilter, LeavesOtherLevelsAlone) {
+TEST(GmsFilter, DoesNotChangeOtherLevels) {
   Problem problem = perfectMotion(0, 1.0, 6);
   for (std::size_t i = 0; i < problem.matches.size(); ++i) {
     Correspondence& c = problem.matches[i];
@@ -320,7 +320,7 @@ TEST(GmsFilter, TakesEmptyFrames) {
 }
 
 /// Fewer matches, larger cells: as many matches in each as with 1000 on 20 x 20.
-TEST(GmsFilter, AGridByTheNumberOfMatchesIsTheOneOfThatSize) {
+TEST(GmsFilter, AutomaticGridEqualsGridOfThatSize) {
   GmsOptions options = mode(3);
   options.grid_columns = options.grid_rows = 0;
   GmsFilter by_number(options);

@@ -228,7 +228,7 @@ TEST_P(KnnKernels, AllocateNothingInSteadyState) {
   }
 }
 
-TEST(KnnKernel, IsTheFastestUnlessToldOtherwise) {
+TEST(KnnKernel, DefaultsToTheFastest) {
   EXPECT_EQ(&bestKnnKernel(), everyKernel().front());
 }
 
@@ -423,7 +423,7 @@ KnnOptions withRadius(double radius, int threads = 1) {
   return options;
 }
 
-TEST(NearMatching, IsTheWholeSearchWithinALargeRadius) {
+TEST(NearMatching, LargeRadiusEqualsWholeSearch) {
   const Features reference = makeFeatures(700, 13);
   const Features target = makeFeatures(800, 14);
   KnnMatcher matcher(withRadius(5000.0));

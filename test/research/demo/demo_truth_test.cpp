@@ -37,7 +37,7 @@ std::vector<cv::Point2d> mappedCorners(const cv::Mat& homography) {
   return mapped;
 }
 
-TEST(DemoTruth, IsWithinATenthOfAPixelOfTheAlignedPictures) {
+TEST(DemoTruth, MatchesAlignedPicturesWithinATenthOfAPixel) {
   const cv::Mat map = drawMap(1);
   for (int frame : {1, 40, 80, 120, 149}) {
     ASSERT_EQ(segmentOf(frame, kFrames), Segment::clean);
@@ -66,7 +66,7 @@ TEST(DemoTruth, MotionBetweenFramesIsThatOfAHandheldOrFlyingCamera) {
   }
 }
 
-TEST(DemoMap, IsTheSameForTheSameSeed) {
+TEST(DemoMap, SameSeedSameMap) {
   const cv::Mat first = drawMap(3);
   EXPECT_EQ(cv::norm(first, drawMap(3), cv::NORM_INF), 0.0);
   EXPECT_GT(cv::norm(first, drawMap(4), cv::NORM_INF), 0.0);

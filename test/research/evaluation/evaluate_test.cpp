@@ -239,7 +239,7 @@ TEST(Methods, KtgpIsTheMatcher) {
   EXPECT_EQ(m.answer->homography, expected.prosac.answer.homography);
 }
 
-TEST(Methods, OfTheAlignedChainsAreTheMatcher) {
+TEST(Methods, AlignedMethodsEqualTheMatcher) {
   cv::Mat picture = test::noiseImage({720, 560}, 3);
   cv::GaussianBlur(picture, picture, {0, 0}, 3.0);
   cv::normalize(picture, picture, 0, 255, cv::NORM_MINMAX);
@@ -404,7 +404,7 @@ TEST(Sequence, WithoutTruthThereIsNoDrift) {
   EXPECT_EQ(toJson(score)["frames"].size(), 3u);
 }
 
-TEST(Sequence, OfNoFramesAndOfOne) {
+TEST(Sequence, AcceptsNoFramesAndOneFrame) {
   SequenceEvaluator evaluator({}, {}, 30);
   EXPECT_TRUE(evaluator.score().frames.empty());
   EXPECT_TRUE(evaluator.score().survival.empty());
@@ -463,7 +463,7 @@ TEST(TruthPoints, TheErrorIsTheMeanDistance) {
   EXPECT_TRUE(std::isinf(meanTransferError(horizon, points)));
 }
 
-TEST(TruthPoints, AreWithinACovarianceThatIsAsLargeAsTheErrors) {
+TEST(TruthPoints, CovarianceMatchesErrors) {
   UncertainHomography estimate;
   estimate.homography.setIdentity();
   estimate.covariance.setZero();

@@ -85,7 +85,7 @@ class DrawnFrames : public testing::Test {
   const std::string there_ = "[[100, 60], [219, 60], [219, 149], [100, 149]]";
 };
 
-TEST_F(DrawnFrames, AreFoundWhereTheLabelsSay) {
+TEST_F(DrawnFrames, FoundAtTheirLabels) {
   const LabelledTargets answer = searched(R"({"a.png scene.png": {)" + target_ + R"(, "image": )" +
                                           there_ + R"(}, "a.png video.avi": {)" + target_ +
                                           R"(, "frames": {"1": )" + there_ + R"(, "5": []}}})");
@@ -139,7 +139,7 @@ TEST_F(DrawnFrames, LabelsThatCannotBeUsedAreNamed) {
   expectRefused("{", "parse");
 }
 
-TEST_F(DrawnFrames, ALabelBeyondTheEndOfAVideoIsNamedAndDoesNotCount) {
+TEST_F(DrawnFrames, LabelBeyondTheVideoIsNamedAndIgnored) {
   const LabelledTargets answer =
       searched(R"({"a.png video.avi": {)" + target_ + R"(, "frames": {"0": )" + there_ +
                R"(, "9999": )" + there_ + R"(, "6": []}}})");
@@ -150,7 +150,7 @@ TEST_F(DrawnFrames, ALabelBeyondTheEndOfAVideoIsNamedAndDoesNotCount) {
   EXPECT_EQ(answer.rows[0].found[0], 1U);
 }
 
-TEST(TargetFrames, ALabelFileThatCannotBeUsedIsRefused) {
+TEST(TargetFrames, UnusableLabelFileIsRefused) {
   EXPECT_THROW(searchLabelled("/nowhere", {}), files::FileError);
 }
 

@@ -236,7 +236,7 @@ TEST_P(Warps, HalfOfThemAreDegraded) {
   }
 }
 
-TEST_P(Warps, AreThoseOfTheirSeed) {
+TEST_P(Warps, SameSeedSameWarp) {
   const cv::Mat picture = drawScene(1);
   const WarpLimits limits = *warpLimits(GetParam());
   for (int i : {0, 1}) {
@@ -255,7 +255,7 @@ TEST_P(Warps, AreThoseOfTheirSeed) {
 INSTANTIATE_TEST_SUITE_P(All, Warps, ::testing::Values("small", "medium", "large"),
                          [](const auto& info) { return std::string(info.param); });
 
-TEST(Warp, OfAnUnknownKindIsRefused) {
+TEST(Warp, UnknownKindIsRefused) {
   EXPECT_FALSE(warpLimits("huge"));
   Dataset dataset;
   EXPECT_THROW(addWarps("huge", {"a.png"}, 1, 1, dataset), std::invalid_argument);
@@ -329,7 +329,7 @@ std::optional<double> naiveCorrelation(const cv::Mat& a, const cv::Mat& b,
   return ab / std::sqrt(aa * bb);
 }
 
-TEST(OverlapCorrelation, IsTheTextbooks) {
+TEST(OverlapCorrelation, EqualsTextbookFormula) {
   const cv::Mat a = drawScene(1, {80, 60});
   const cv::Mat b = drawScene(2, {90, 50});
   Eigen::Matrix3d h;
@@ -436,7 +436,7 @@ TEST(Accuracy, ByHand) {
   EXPECT_DOUBLE_EQ(*s.accuracy->zncc, 0.8);
 }
 
-TEST(Accuracy, NoneFoundIsNotWrong) {
+TEST(Accuracy, NothingFoundIsNotWrong) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   const SetSummary s = summarizeSets({scored(kNone, false, std::nullopt)}).front();
   EXPECT_EQ(s.accuracy->found, 0.0);
