@@ -91,7 +91,7 @@ RUN = {
         Run(('matched', 'with_targets'), before=TARGETS),
     'rosrun ktgp_orb ktgp_find photo.png posters --draw found.png': Run(('photo', 'second'), before=POSTERS),
     'rosrun ktgp_orb ktgp_find photo.png targets.yaml --camera 500,500,320,240 --json found.json':
-        Run(('photo', 'second'), before=TARGETS),
+        Run(('photo', 'second'), ('500,500,320,240', '300,300,160,120'), before=TARGETS),
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png': AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60': Run(('10', '0.1')),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv': Run(('matched', 'with_table')),
@@ -155,6 +155,7 @@ NOT_RUN = {
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
         'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
         'scripts/evaluate --motion checkerboard.bag --drift 3 6 8',
+        'rosrun ktgp_orb ktgp_evaluate --two-view FOLDER... --methods SLAM\\,SIFT+MAGSAC++',
         'rosrun ktgp_orb ktgp_evaluate --two-view fountain-P11 Herz-Jesus-P25 --apart 1\\,2 --descriptor teblid '
         '--features 3000 --fast_threshold 10',
         'sbatch --array=1-40 --requeue --wrap \'examples/fleet/one_recording.sh "$(sed -n ${SLURM_ARRAY_TASK_ID}p '
