@@ -287,7 +287,7 @@ void BagFile::checkAgainstHeader() {
   is("conn_count", connections_.size());
 }
 
-/// The entries for chunks in the index at the end.
+/// Compares the chunks with the entries for chunks in the index at the end of the file.
 void BagFile::checkAgainstInfos() {
   constexpr std::size_t kLeastMessage = 32;  // bytes of its record
   std::map<std::size_t, Chunk*> at;

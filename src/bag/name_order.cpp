@@ -27,7 +27,7 @@ bool isDigit(const std::string& text, std::size_t i) {
   return i < text.size() && std::isdigit(static_cast<unsigned char>(text[i])) != 0;
 }
 
-/// Also a byte of a letter beyond ASCII.
+/// True also for a byte of a letter beyond ASCII.
 bool isLetter(char c) {
   const auto byte = static_cast<unsigned char>(c);
   return byte >= 0x80 || std::isalnum(byte) != 0;
@@ -125,8 +125,8 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
 
 /// Whether the digits behind the points of the numbers at that place of all names are a count.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
-  // Among decimals a tenth begin with a zero, of counts a tenth end with one; in so many names a
-  // single one may be written otherwise.
+  // A tenth of all decimals begin with a zero after the point, and a tenth of all counts end with
+  // one. In many names, one may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;

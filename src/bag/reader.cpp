@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Limited to the range of times.
+/// `time` plus `seconds`, limited to the range of ros::Time.
 ros::Time later(const ros::Time& time, double seconds) {
   if (time.toSec() + seconds >= ros::TIME_MAX.toSec()) return ros::TIME_MAX;
   return time + ros::Duration(seconds);

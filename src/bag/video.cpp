@@ -60,8 +60,8 @@ void refuseTopic(const std::string& path, const BagSelection& selection) {
                     "(--name sets the names of the output)");
 }
 
-/// Not by cv::CAP_ANY, which also tries cameras and patterns. What OpenCV and FFmpeg say about a
-/// file that is no video is kept from the terminal: we say it.
+/// cv::CAP_ANY would also try cameras and patterns. Messages of OpenCV and FFmpeg about a file that
+/// is no video are suppressed, since the caller reports it.
 bool opened(const std::string& path, cv::VideoCapture& video) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   const auto level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
@@ -70,9 +70,9 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
   return done;
 }
 
-/// Also those that the container hides: who cuts a video without encoding it again leaves images in
-/// the file, which MP4 and MOV then do not show. FFmpeg gives them with an option that OpenCV takes
-/// only from the environment.
+/// Counts hidden images, too: a cut without new encoding leaves images in an MP4 or MOV file that
+/// players do not show. FFmpeg returns them with an option that OpenCV takes only from the
+/// environment.
 std::size_t imagesIn(const std::string& path) {
   constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
   const char* const given = std::getenv(kOptions);
@@ -133,7 +133,7 @@ class Video : public ImageSource {
 
  private:
   /// Matroska has no number of images: OpenCV estimates it from the length and the usual rate, so
-  /// it is wrong where the rate varies. What is cut off ends too early.
+  /// it is wrong where the rate varies. A file that is cut off ends too early.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
@@ -144,7 +144,7 @@ class Video : public ImageSource {
   /// the first image is late.
   bool isTooFew(std::size_t images) const {
     constexpr std::size_t kTolerance = 50;  // one missing image in this many is tolerated
-    constexpr std::size_t kMost = 100;      // times the images that are there
+    constexpr std::size_t kMost = 100;      // a number this many times too high is an estimate
     return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
   }
 
@@ -164,8 +164,8 @@ class Video : public ImageSource {
   }
 
   /// Time of the image grabbed last. OpenCV has no time for the last images of a video with
-  /// B-frames, and a repeated time would be taken for the same image: these follow the one before
-  /// by a usual step.
+  /// B-frames, and a repeated time would be taken for the same image: such an image gets the time
+  /// of the one before plus a usual step.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;

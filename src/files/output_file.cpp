@@ -54,7 +54,7 @@ bool isSameNode(const struct stat& a, const struct stat& b) {
 }
 
 /// Creates a file, or empties one that no program has locked, and locks it. -1 where neither can be
-/// done; errno is EEXIST where the name is in use, also by what is not a file of ours, as a link.
+/// done; errno is EEXIST where the name is in use, also by a link or another file that is not ours.
 int lockedFile(const std::string& name) {
   int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   const bool is_new = file >= 0;
@@ -94,8 +94,8 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// The temporary name that the file has, too, since a program was killed; empty: none, or the
-/// program is at work.
+/// The temporary name that the file still has beside its own since a program was killed; empty:
+/// there is none, or the program is at work.
 std::string leftName(const std::string& target) {
   struct stat file, other;
   if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
@@ -138,7 +138,7 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    if (value == output) own = 1;  // a name that the program made has none
+    if (value == output) own = 1;  // a name that the program chose is in no option
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
   }
@@ -211,8 +211,8 @@ OutputFile::~OutputFile() {
   if (lock_ >= 0) close(lock_);
 }
 
-/// By a second name, as long as the other files of the run have none; by renaming where a file is
-/// replaced, or the file system has no links.
+/// Gives the file its name in addition to the temporary one, which stays until all files of the run
+/// have theirs. Renames it where a file is replaced, or the file system has no links.
 void OutputFile::place() {
   if (link(unfinished_.c_str(), target_.c_str()) == 0) {
     is_placed_ = true;
@@ -254,7 +254,7 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // The last one first: where it has one name, the run is done.
+  // The last file first: once it has only its final name, the run is done.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

@@ -27,15 +27,15 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
   return number;
 }
 
-/// Segments of a marker, a length that counts itself, and data, with compressed pixels between
-/// them, where FF is followed by 0 or by the number of a restart. A preview is in a segment.
-/// Returns where the first segment begins, after its marker, that `wanted` takes; 0: none.
+/// A JPEG consists of segments (a marker, a length that counts itself, data) with compressed pixels
+/// between them, where FF is followed by 0 or by the number of a restart. A preview is in a
+/// segment. Returns where the first segment that `wanted` takes begins, after its marker; 0: none.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;
   while ((position = bytes.find('\xFF', position)) != std::string_view::npos) {
     const std::size_t marker = numberAt(++position, 1, bytes);
-    if (marker == 0xFF) continue;  // filling
+    if (marker == 0xFF) continue;  // padding
     ++position;
     if (wanted(marker)) return position;
     const bool is_alone = marker <= 1 || (marker >= 0xD0 && marker <= 0xD7);
@@ -44,7 +44,7 @@ std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   return 0;
 }
 
-/// Chunks of a length, a name, data and a checksum.
+/// A PNG consists of chunks: length, name, data, checksum.
 bool pngEnds(std::string_view bytes) {
   std::size_t position = kPng.size();
   while (position + 8 <= bytes.size()) {
@@ -71,7 +71,7 @@ std::optional<double> ofJpeg(std::string_view bytes) {
 std::optional<double> ofBmp(std::string_view bytes) {
   const bool is_old = numberAt(14, 4, bytes, true) == 12;
   if (is_old) return megapixels(numberAt(18, 2, bytes, true), numberAt(20, 2, bytes, true));
-  const auto side = [&](std::size_t at) {  // a height below 0: from the top to the bottom
+  const auto side = [&](std::size_t at) {  // a negative height: rows from the top down
     const auto number = static_cast<std::int32_t>(numberAt(at, 4, bytes, true));
     return static_cast<std::size_t>(std::abs(static_cast<std::int64_t>(number)));
   };
@@ -89,7 +89,7 @@ std::optional<double> ofWebp(std::string_view bytes) {
   return std::nullopt;
 }
 
-/// The larger of the picture and one of its tiles.
+/// Megapixels of the picture or of one of its tiles, whichever is larger.
 std::optional<double> ofTiff(std::string_view bytes) {
   constexpr std::size_t kWidth = 256, kHeight = 257, kTileWidth = 322, kTileHeight = 323;
   constexpr std::size_t kEntry = 12;

@@ -74,8 +74,8 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 }
 
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
-  constexpr std::size_t kEnough = 200;  // best pairs; more would not find more
-  constexpr double kScales = 3.0;       // scales of the errors within the limit
+  constexpr std::size_t kEnough = 200;  // best pairs; more pairs would find no better homography
+  constexpr double kScales = 3.0;       // the limit is this many scales of the errors
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
@@ -189,8 +189,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
   const double rounding = options.rounding * pairs.target.scale;
-  // Where the grey values are noisy, how they are rounded differs from patch to patch: then it is
-  // part of the noise that the errors show, and only the rest is alike for neighbours.
+  // Where the grey values are noisy, their rounding differs from patch to patch. Then it is part of
+  // the noise that the errors show, and only the rest is alike for neighbours.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;

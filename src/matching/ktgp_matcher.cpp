@@ -99,7 +99,7 @@ class Chain {
   struct Stage {
     StageId id;
     bool (*is_on)(const MatcherOptions& options);
-    /// Sets input and output of `stage`. False: this pair has no need of it.
+    /// Runs the stage, and sets its input and output. False: this pair does not need it.
     bool (Chain::*run)(Context& context, StageResult& stage);
   };
   static const Stage kStages[];  // in the order in which they run
@@ -181,7 +181,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
                                              result.correspondences);
   }
   if (!context.wants_homography) return;
-  if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
+  if (result.status != Status::ok) {  // the keypoints do not confirm `view`
     clearTwoView(result);
     return;
   }
@@ -189,7 +189,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   result.geometry = turned ? Geometry::rotation : Geometry::plane;
 }
 
-/// All from `first` on.
+/// Runs all stages from `first` on.
 void Chain::runStages(const Stage* first, Context& context) {
   std::vector<StageResult>& stages = context.result.stages;
   for (const Stage* stage = first; stage != std::end(kStages); ++stage) {
@@ -202,7 +202,7 @@ void Chain::runStages(const Stage* first, Context& context) {
 }
 
 /// Whether most matches stand still, as hot pixels do, while others agree that the scene moves.
-/// Then those that stand still are no more in question.
+/// Then the matches that stand still are dropped.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;

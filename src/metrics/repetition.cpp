@@ -12,7 +12,7 @@ namespace {
 constexpr double kAlike = 0.6;  // a checkerboard below a tilted camera has 0.65 to 0.95
 
 bool isPlain(const cv::Mat& picture) {
-  constexpr double kLeastContrast = 1.0;  // grey levels: OpenCV finds a plain one everywhere
+  constexpr double kLeastContrast = 1.0;  // grey levels; OpenCV finds a uniform part everywhere
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
   return deviation[0] < kLeastContrast;
@@ -53,7 +53,7 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   return correlation.at<float>(0, 0);
 }
 
-/// Without what varies slowly: shades look alike wherever they are.
+/// The picture without its slow variations, since shades look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
   constexpr double kSlow = 0.08;  // share of the longer side
   cv::Mat shades, rest;
@@ -62,8 +62,9 @@ cv::Mat withoutShades(const cv::Mat& picture) {
   return rest;
 }
 
-/// Shifts of up to three fifths of the sides: a middle half sees a quarter. Two corners see all
-/// directions, since a period is one both ways.
+/// Shifts of up to kLongestPeriod of the sides, found by comparing the upper corners, two fifths of
+/// the sides long, with the picture. Two corners see all directions, since a period exists in both
+/// senses of its direction.
 std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
   constexpr double kPart = 1.0 - kLongestPeriod;
   const cv::Mat detail = withoutShades(picture);

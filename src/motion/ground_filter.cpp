@@ -46,7 +46,7 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
   auto pose = poseFrom(seen * map.inverse());
   if (!pose) return std::nullopt;
   estimation::FitRules rules;
-  rules.most_steps = 8;    // near the start, it needs three
+  rules.most_steps = 8;    // near the start three are enough
   rules.converged = 1e-9;  // rad, and share of the height
   rules.longest = 0.5;
   const PoseProblem problem{entriesOf(seen), whitening, map};
@@ -91,8 +91,8 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
   moveFrame();
 }
 
-/// Puts the frame below the newest pose: the errors of x, y and yaw of the pose become its errors.
-/// Drops the state of the map and of the pose before.
+/// Moves the filter's frame below the newest pose: the errors of x, y and yaw of the pose become
+/// errors of the frame. Drops the state of the map and of the pose before.
 void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
@@ -262,7 +262,7 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   if (!found) return false;
   const CameraPose& pose = *found;
 
-  // The new pose follows the readout time, the map and the noise.
+  // The new pose depends on the readout time, the map and the noise.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
   Eigen::Matrix<double, 8, 10> residual_and_slope;
   residual_and_slope << entriesOf(seen) - entriesOf(h), -motion.by_readout, byMap(h);
@@ -270,8 +270,8 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
-  // A straight flight does not show the shutter. The noise of its flow would look like knowledge,
-  // in time: a usual readout time has to change the constraints by more than their noise.
+  // A straight flight does not show the shutter, but in time the noise of its flow would look like
+  // knowledge. So a usual readout time has to change the constraints by more than their noise.
   if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
     constraints_by_state_.col(kReadout).setZero();
   }
@@ -317,8 +317,8 @@ Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& 
   return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
-/// Kalman's update with noise of Student's t distribution: what differs by more than normal noise
-/// does counts with a larger variance, so a wrong reading can do little harm.
+/// Kalman's update with noise of Student's t distribution: a reading that differs by more than
+/// normal noise gets a larger variance, so a wrong one can do little harm.
 void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
   const double misfit = innovationOf(residual, slope, variance).misfit;
   if (!std::isfinite(misfit)) return;
@@ -338,7 +338,7 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
 
 namespace {
 
-/// Turned about the keyframe and scaled about the ground below it.
+/// The pose, turned about the keyframe and scaled about the ground below it.
 CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
                       const Eigen::Vector3d& center) {
   const Eigen::Matrix3d rotation = rotationAbout(turn);
@@ -377,9 +377,9 @@ void GroundFilter::widen(double scale_variance, double tilt_variance) {
   for (const int axis : {0, 1}) add(std::sqrt(tilt_variance) * Eigen::Vector3d::Unit(axis), 0.0);
 }
 
-/// Tilt and scale of the ground are less certain by far than how the frames lie to each other, in
-/// the first frames by a thousand times. A step along them is not small, so it is retracted to the
-/// state by the rotation and the scaling themselves; only what is left is added to first order.
+/// Tilt and scale of the ground are far less certain than the poses of the frames to each other, in
+/// the first frames by a factor of a thousand. A step along them is not small, so the rotation and
+/// the scaling themselves are applied to the state; only the rest is added to first order.
 void GroundFilter::correct(const State& error) {
   State left = error;
   if (const auto keyframe = poseFrom(map_.inverse())) {

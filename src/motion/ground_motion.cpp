@@ -67,7 +67,7 @@ struct GroundMotion::Impl {
   std::int64_t before_stamp = 0;  // stamp of the frame before that
   bool has_frame = false;
   std::optional<std::int64_t> apart_stamp;  // stamp of the newest frame, if it went back
-  int looks_away = 0;                       // normals that say so, one after the other
+  int looks_away = 0;                       // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
@@ -164,7 +164,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief the misfit is that of the plane: the readings, which are widened, give way.
+  // Over relief the misfit comes from the plane: the readings are widened instead.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
@@ -208,7 +208,7 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 }
 
 /// After a gap the last velocity leads to the reference, and the homography from there to the
-/// frame. That is a velocity, too, where the reference is the frame just before.
+/// frame. Where the reference is the frame just before, this gives a velocity, too.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = sinceLast(frame);
@@ -328,7 +328,7 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const double spread = of_down.spread();
     of_down.addResidual(rows.residual / rows.deviation);
     estimate.down_misfit = filter.use(rows, of_down, seenSlope()) / spread;
-    // The pictures tell the tilt as well: one reading alone does not count against them.
+    // The pictures show the tilt as well, so the first reading that contradicts them is ignored.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= GroundEstimate::kContradiction;
   }

@@ -22,7 +22,7 @@ constexpr double kBlock = 0.5;     // s
 constexpr double kMemory = 300.0;  // s
 // Standard deviations before anything is known: rad, s, rad/s, rad; of the scale, a share of it.
 constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
-// Deviations above these are not known.
+// An unknown with a larger deviation counts as not known.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
 // A larger mounting is too far from the first order that is computed with.
 constexpr double kLargest = 0.35;  // rad
@@ -54,7 +54,7 @@ Mounting::Said Mounting::Said::mean(int count) const {
 
 void Mounting::begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns) {
   is_running_ = true;
-  if (gives_turns != gives_turns_) {  // another bias
+  if (gives_turns != gives_turns_) {  // the biases of turns and directions differ
     information_.setZero();
     weighted_.setZero();
     square_ = rows_ = 0.0;
@@ -138,8 +138,8 @@ void Mounting::endBlock() {
   seconds_ = 0.0;
 }
 
-/// Slopes that are nothing but noise, of this variance, or of second order would look like
-/// knowledge, in time.
+/// Removes slopes that are only noise, of this variance, or of second order: in time they would
+/// look like knowledge.
 void Mounting::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
@@ -228,8 +228,8 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     is_known = is_known || std::isfinite(deviation);
   };
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
-  // The unknown is the error as a share of what the Imu says, not of the truth, and the bias what
-  // remains of it in units of the truth.
+  // The unknown is the error as a share of the reading, not of the truth; the bias that remains is
+  // in units of the truth.
   imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);

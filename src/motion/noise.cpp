@@ -7,13 +7,13 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// The fit of a plane takes most of the relief with it. The seen plane is off by about twice what is
-// left, and over half a picture, a third of the height, that is its slope.
+// The fit of a plane removes most of the relief. The seen plane is off by about twice the rest;
+// over half a picture, a third of the height, that is its slope: 2 / (1/3) = 6.
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
-/// Parts of the twist, in reverse order: turning, approach, shift. Each is what those before leave
-/// open.
+/// Factor of the covariance with the parts of the twist in reverse order, turning, approach, shift,
+/// so that each part is given those before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
 }
@@ -28,7 +28,7 @@ double studentNoise(double misfit, int dimensions) {
 
 void Relief::add(double deviation, double parallax) {
   constexpr double kPictures = 30.0;
-  constexpr double kLeastParallax = 0.05;  // with less nothing of the relief shows
+  constexpr double kLeastParallax = 0.05;  // a smaller parallax shows no relief
   if (parallax < kLeastParallax) return;
   share_ += ((deviation > 0.0 ? 1.0 : 0.0) - share_) / kPictures;
   size_ += (deviation / parallax - size_) / kPictures;
@@ -58,7 +58,7 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   constexpr double kOlder = 300.0;        // twists
   constexpr double kLargest = 10.0;       // a single outlier counts at most this much
   constexpr double kJitter = 0.2;         // share of the time between frames
-  constexpr double kStandsStill = 0.002;  // rad: a pixel. The error of a still picture stays, too
+  constexpr double kStandsStill = 0.002;  // rad: a pixel; at rest the error stays the same
 
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) restart();
   seconds_ = seconds;

@@ -85,8 +85,8 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
       scale_variance * velocity * velocity.transpose();
 }
 
-/// How far velocities can be from each other: a vehicle accelerates, and what is below a pixel or
-/// two is noise, which is metres from a large height.
+/// The largest change of velocity that is plausible: a vehicle accelerates, and noise is a pixel or
+/// two, which is metres from a large height.
 double Velocity::largestChange(const GroundFilter& filter, double seconds,
                                double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s

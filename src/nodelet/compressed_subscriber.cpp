@@ -20,7 +20,7 @@ class CompressedSubscriber
     sensor_msgs::ImageConstPtr image;
     try {
       image = decodedImage(*message);
-    } catch (const RefusedImage& reason) {  // for the node, which says it and counts
+    } catch (const RefusedImage& reason) {  // the node reports and counts it
       image = undecodedImage(message->header, reason);
     }
     take(image);

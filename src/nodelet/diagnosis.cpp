@@ -29,7 +29,7 @@ double ratio(double part, double whole) {
   return whole > 0.0 ? part / whole : 0.0;
 }
 
-/// The same problem with other numbers is not said again.
+/// A problem is not reported again if only its numbers change.
 std::string withoutNumbers(std::string text) {
   text.erase(std::remove_if(text.begin(), text.end(),
                             [](unsigned char c) { return c >= '0' && c <= '9'; }),

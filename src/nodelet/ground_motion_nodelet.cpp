@@ -35,7 +35,7 @@ std::string number(double value) {
 
 }  // namespace
 
-/// The state of the motion, and what a match waits for.
+/// The state of the motion, and the matches that wait for tf or the Imu.
 class GroundWork {
  public:
   /// `names` resolves the names of topics.
@@ -84,7 +84,7 @@ class GroundWork {
   std::atomic<bool>& is_waiting_;
 };
 
-/// Other sources take effect with the next frame.
+/// Changed sources take effect with the next frame.
 void GroundWork::configure(const GroundMotionConfig& config) {
   config_ = config;
   readings_.configure(config, range_topic_, imu_topic_);
@@ -205,7 +205,8 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   void listeningChanged(bool listening) override;
   void configure(GroundMotionConfig& config) override;
 
-  /// Each match is a link of the chain; of the others the newest counts.
+  /// No match should be lost, since each is a link of the chain; of other messages only the newest
+  /// is used.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
     worker_.setLimits(kind, most);
@@ -227,7 +228,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   Input* imus_ = nullptr;
   std::atomic<bool> sends_tf_{false};
   ros::WallTimer poll_;
-  std::atomic<bool> is_waiting_{false};  // a match, for tf or Imu
+  std::atomic<bool> is_waiting_{false};  // a match waits for tf or the Imu
   tf2_ros::Buffer tf_;                   // has its own lock
   std::unique_ptr<tf2_ros::TransformListener> listener_;
 };
@@ -266,7 +267,7 @@ void GroundMotionNodelet::advertise() {
     const Covariance6 covariance = covarianceOf(request.pose);
     worker_.ask([&](GroundWork& work) { work.setPose(pose, covariance); });
   });
-  // While a match waits, tf may come without a message that is seen here.
+  // While a match waits, tf may come without a message here.
   poll_ = addTimer(data_queue_, 0.005, [this] {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });

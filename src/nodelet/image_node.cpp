@@ -140,7 +140,7 @@ void NodeBase::tick() {
   updater_->force_update();
 }
 
-/// A looped bag goes back once.
+/// A looped bag goes back once, which is not reported.
 void NodeBase::reportStamps() {
   constexpr std::uint64_t kSome = 3;  // in ten seconds
   std::string text;

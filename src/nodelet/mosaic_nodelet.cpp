@@ -63,7 +63,7 @@ class MosaicWork {
   cv::Size size_;  // size of the newest image
   MosaicConfig config_;
   std_msgs::Header last_header_;                    // header of the last placed image
-  std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive
+  std::deque<HomographyStampedConstPtr> unplaced_;  // homographies whose images may still arrive
   Clock::time_point last_picture_;
 };
 
@@ -72,7 +72,7 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// All homographies are links of the chain.
+/// Follows all homographies, since each is a link of the chain.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
   // A frame with a wrong stamp breaks no chain; a looped recording begins anew with the next one.

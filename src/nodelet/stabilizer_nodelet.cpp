@@ -47,9 +47,9 @@ class StabilizerWork {
   cv::Size size_;     // size of the newest image
   ros::Time newest_;  // its stamp
   std::uint64_t restarts_ = 0;
-  bool rectified_ = false;  // the pixels of the newest homography
+  bool rectified_ = false;  // the newest homography is between rectified pixels
   std::vector<SteadyFrame> ready_;
-  std::deque<SteadyFrame> due_;  // whose image may still arrive
+  std::deque<SteadyFrame> due_;  // frames whose images may still arrive
 };
 
 void StabilizerWork::configure(const StabilizerOptions& options) {

@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The one name of a kept list: two nodes may know it by different names, such as links. Throws
-/// std::invalid_argument with the reason if no list can be kept there.
+/// The canonical name of a kept list: two nodes may know the list by different names, such as
+/// links. Throws std::invalid_argument with the reason if no list can be kept there.
 std::string realNameOf(const std::string& list) {
   std::error_code none;
   const fs::file_status status = fs::status(list, none);
@@ -84,7 +84,7 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   if (list.empty()) return;
   std::vector<TargetEntry> entries = readTargetList(list);
   if (was_kept) {
-    // Its lines change with each target that is added or removed.
+    // The lines of the list change with each target that is added or removed.
     for (TargetEntry& entry : entries) entry.place.clear();
     deleteAllBut(entries);
   }
@@ -187,8 +187,8 @@ void TargetBook::remove(const std::string& id) {
   deleteImages(removed);
 }
 
-/// They get new names, so that those of the old list stay complete until it is replaced. Appends
-/// the name of each one before it is written.
+/// The images get new names, so that those of the old list stay complete until it is replaced.
+/// Appends each name before the file is written.
 void TargetBook::writeImages(const Target& target, std::vector<std::string>& files) const {
   if (file_.empty()) return;
   const fs::path folder = folderOf(file_);

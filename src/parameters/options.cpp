@@ -47,8 +47,9 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// With a fixed reference, unless a preset other than video was set. They all set T_w: ktgp and
-/// teblid to that of a descriptor, those for views that differ strongly to 1.
+/// Whether options are chosen for a fixed reference: not if a preset other than video was set.
+/// Every preset sets T_w: ktgp and teblid to that of a descriptor, those for views that differ
+/// strongly to 1.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||

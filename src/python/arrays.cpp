@@ -140,7 +140,7 @@ ImageArray anyImage(const py::object& image, const std::string& name) {
   return out;
 }
 
-/// Without alpha, where there is one; what it hides is not part of the picture.
+/// Removes alpha, if there is one; the pixels that it hides are not part of the picture.
 void convertColour(int with_alpha, int without, cv::Mat& pixels) {
   const cv::Mat given = std::exchange(pixels, cv::Mat());
   cv::cvtColor(given, pixels, given.channels() == 4 ? with_alpha : without);

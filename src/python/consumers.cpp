@@ -53,7 +53,7 @@ std::string addTarget(Targets& targets, const std::string& id, const py::object&
   });
 }
 
-/// With its poses, where K is known.
+/// A detected target with its poses, which need K.
 struct PosedTarget : DetectedTarget {
   std::vector<PlanarPose> poses;
 };

@@ -169,7 +169,7 @@ void defineMotion(py::module_& module) {
 
 using MatchClass = py::class_<Match, std::shared_ptr<Match>>;
 
-/// What belongs to the two-view geometry.
+/// Defines the properties of the two-view geometry.
 void defineGeometry(MatchClass& match) {
   two_view::visitNumbers([&](const two_view::NumberField& field) {
     match.def_property_readonly(
@@ -214,7 +214,7 @@ void defineGeometry(MatchClass& match) {
                              "(M,) int32: their rows in the arrays of the matches.");
 }
 
-/// A row for each correspondence.
+/// Defines the arrays with a row for each correspondence.
 void defineRows(MatchClass& match) {
   match
       .def_property_readonly("stages", stagesOf,

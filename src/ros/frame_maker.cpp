@@ -59,8 +59,8 @@ void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   setCamera(frame);
 }
 
-/// Computed once for all images of one size. A camera_info that cannot be used gives none; the
-/// node says why.
+/// Computed once for all images of one size. A camera_info that cannot be used gives no camera; the
+/// node reports why.
 void FrameMaker::setCamera(Frame& frame) {
   frame.camera.reset();
   frame.camera_lens = nullptr;

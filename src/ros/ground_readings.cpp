@@ -22,9 +22,9 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// In the order of their stamps, which may jitter. A single one that goes back farther is wrong and
-/// left out; two in a row mean a looped bag, or a clock that was set. `went_back`: the last one
-/// did.
+/// Adds a message in the order of the stamps, which may jitter. A single stamp that goes back
+/// farther is wrong, and its message is left out; two in a row mean a looped bag, or a clock that
+/// was set. `went_back`: the last message went back.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages, bool& went_back) {
   constexpr std::size_t kKept = 1000;  // messages
@@ -47,7 +47,7 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
-// Where an Imu does not say its own, and of tf; about each axis.
+// Deviations of tf, and of an Imu that does not give its own, about each axis.
 constexpr double kNormalDeviation = 0.5 * kDegree;
 constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
 
@@ -60,7 +60,7 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// The result of `read`; where it throws std::invalid_argument, nothing and the reason.
+/// The result of `read`; empty, with the reason, if it throws std::invalid_argument.
 template <typename Read>
 auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   why.clear();

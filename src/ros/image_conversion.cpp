@@ -157,7 +157,7 @@ cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
   }
 }
 
-/// Brightness and colour are apart.
+/// Whether brightness and colour are stored separately.
 bool isYuv(const std::string& encoding) {
   return encoding.rfind("yuv", 0) == 0 || encoding.rfind("nv", 0) == 0 || encoding == "yuyv" ||
          encoding == "uyvy";

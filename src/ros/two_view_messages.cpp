@@ -75,7 +75,8 @@ TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
   return message;
 }
 
-/// In the frame of the target's camera, as the header says; `deviation` is that of the distance.
+/// Points in the frame of the target's camera, as the header says; `deviation` is that of the
+/// distance.
 sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;

@@ -19,8 +19,8 @@ constexpr double kFadingTime = 0.5;    // s
 // Share of the margin within which shake is removed whole. Without later frames it needs more room.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Without later frames: what a camera is expected to do before more is known is to stand still. At
-// 30 frames a second, where a whole history weighs 5, this delays an even motion by 0.01 s.
+// Without later frames, a camera is expected to stand still until more is known. At 30 frames a
+// second, where a whole history weighs 5, this delays an even motion by 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
@@ -36,7 +36,7 @@ double saturated(double share, double linear) {
 /// Value at time zero of a weighted line fit; the mean if all values have the same time.
 class LineAtZero {
  public:
-  /// `stillness`: weight of a line without slope, at time 1. It decides where there are few values.
+  /// `stillness`: weight of a line without slope, at time 1. It matters where there are few values.
   explicit LineAtZero(double stillness) : square_(stillness) {}
 
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
@@ -138,9 +138,9 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
-  // Without later frames the line ends at this frame, whose own shake would count most: so its
-  // weight is next to nothing, and grows with the distance. That needs more room than a
-  // bell curve, and leaves less jitter (doc/measurements/stabilization.md).
+  // Without later frames the line ends at this frame, whose own shake would count most. So its
+  // weight is almost 0, and weights grow with the distance. That needs more room than a bell curve,
+  // and leaves less jitter (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
   // Where a path begins, the line through its first frames would point anywhere.
   LineAtZero line(ends_here ? kStillness : 0.0);

@@ -135,8 +135,8 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// The motion of the point from frame to frame that remains in the steady picture: where the step
-/// takes it, less where the window has it then. Linear in the corrections.
+/// The motion of the point from frame to frame that remains in the steady picture: the place to
+/// which the step takes it, less its place in the next frame's window. Linear in the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());

@@ -25,7 +25,8 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Neighbouring px of an enlarged frame say the same, so a block is as long as 4 px of the camera.
+/// Neighbouring pixels of an enlarged frame repeat each other, so a block is as long as 4 px of the
+/// camera.
 int blocksAlong(double length, double enlargement) {
   constexpr double kLeastTaken = 4.0;  // px of the camera
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);

@@ -19,7 +19,7 @@ constexpr double kLeastAgreement = 0.6;  // share of the blocks
 constexpr double kLeastOverlap = 0.5;
 constexpr std::size_t kMostPlaces = 4;  // for each turn
 
-/// px of the copy -> px of the copy turned clockwise by so many quarters.
+/// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
   cv::Size now = size;
@@ -32,7 +32,7 @@ Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   return map;
 }
 
-/// Whether the picture looks like itself under the map, about.
+/// Whether the picture looks roughly like itself under the map.
 bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
   const std::vector<cv::Mat> image{picture.image};
   UncertainHomography exact;
@@ -57,7 +57,7 @@ std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
 
 using Outline = std::vector<cv::Point2f>;
 
-/// Number of the pairs that it was found by within the outline.
+/// Number of the pairs of `one` within the outline.
 std::size_t countInside(const FoundTarget& one, const Outline& outline) {
   const std::vector<Eigen::Vector2d>& points = one.pairs.target;
   return static_cast<std::size_t>(
@@ -74,7 +74,7 @@ double areaOf(const std::vector<Eigen::Vector2d>& points) {
   return box.volume();
 }
 
-/// Whether the points by which it was found are spread over most of its picture.
+/// Whether the points of `one` are spread over most of its picture.
 bool coversPicture(const FoundTarget& one, TargetStore& store) {
   constexpr double kShare = 0.6;  // share of the area
   return areaOf(one.pairs.reference) > kShare * store.picture(one.picture).image.size().area();
@@ -93,21 +93,21 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether chance explains `one` much less. Where only a part that both have is seen, both have
-/// nearly the same support, and it could be either.
+/// Whether `one` is much less likely by chance than `other`. Where only a part that both have is
+/// seen, both have nearly the same support, and either may be there.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
 }
 
-/// Whether it looks less like its picture than `around` does, although light and blur are the same.
+/// Whether `one` looks less like its picture than `around` does, although light and blur are the
+/// same.
 bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
   constexpr double kRatio = 0.8;
   return one.agreement < kRatio * around.agreement;
 }
 
-/// Whether the points by which it was found are spread over most of the part of its picture that
-/// has keypoints.
+/// Whether the points of `one` are spread over most of the part of its picture that has keypoints.
 bool coversTexture(const FoundTarget& one, TargetStore& store) {
   constexpr double kShare = 0.6;  // share of the area
   const TargetPicture& picture = store.picture(one.picture);
@@ -119,7 +119,7 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
   return areaOf(one.pairs.reference) > kShare * all.volume();
 }
 
-/// Whether they have more than `share` of the larger one in common.
+/// Whether the outlines have more than `share` of the larger one in common.
 bool areInOnePlace(const Outline& a, const Outline& b, double share) {
   Outline common;
   return cv::intersectConvexConvex(a, b, common) >

@@ -76,9 +76,9 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   return true;
 }
 
-/// A wrong place would have to be within the radius, and to look like the picture better than the
-/// places around it do. So fewer false alarms are possible than anywhere in the frame for any
-/// picture, and the bar is lower.
+/// A wrong place would have to be within the radius, and look more like the picture than the places
+/// around it. So fewer false alarms are possible than in a search of the whole frame for any
+/// picture, and the threshold is lower.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundTarget& found) {
   constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
@@ -159,7 +159,7 @@ Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, s
   return appearance_.compare(picture, found.estimate.homography, frame_, tests);
 }
 
-/// Whether the images say so.
+/// Whether the images confirm the target.
 bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures, FoundTarget& found) {
   const Appearance::Similarity seen = similarity(picture, pictures, found);
   found.log_false_alarms = seen.log_false_alarms;

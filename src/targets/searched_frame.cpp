@@ -59,7 +59,7 @@ void SearchedFrame::set(const cv::Mat& image, bool wants_small) {
     cv::resize(image, resized_, resized(image.size(), shrink), 0, 0, cv::INTER_AREA);
   } else if (by > 1.0) {
     setEnlargement(by);
-    // Linear interpolation would blur what little a small frame has.
+    // Linear interpolation would blur the few details of a small frame.
     cv::resize(image, resized_, resized(image.size(), by), 0, 0,
                by > kOctave ? cv::INTER_LANCZOS4 : cv::INTER_LINEAR);
   } else {

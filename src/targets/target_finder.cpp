@@ -48,7 +48,7 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
-  // Frames are made larger as smallest_side needs it.
+  // smallest_side decides by how much frames are enlarged.
   util::requireInRange("orb.first_level", options.orb.first_level, 0, 0);
   util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
   util::requireInRange("search_ms", options.search_ms, 0.0, kUnlimited);
@@ -227,7 +227,7 @@ void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarge
 
 void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
   requireOwnFrame(target, replaced);
-  // The views take most of the time; what is refused does without them.
+  // Views take most of the time, so they are made only for targets that are not refused.
   std::vector<TargetPicture> pictures = store.prepare(target, 1);
   requireDifferent(target.id, pictures, replaced);
   if (options.views > 1) pictures = store.prepare(target, options.views);

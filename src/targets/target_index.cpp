@@ -40,7 +40,7 @@ void TargetIndex::optimise() {
   const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  // Targets that change all the time do not make it grow, either.
+  // Targets that change all the time do not make the index grow, either.
   if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 

@@ -43,7 +43,7 @@ struct TargetPose::Impl {
                       UncertainHomography& answer);
 
   double readout_time = -1.0;
-  std::vector<Seen> seen;  // lately
+  std::vector<Seen> seen;  // targets seen lately
   ProsacHomography prosac;
   ProsacResult result;
   PointPairs pairs;

@@ -168,7 +168,7 @@ class Run {
     views_.close();
     motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
-    writer_.close();  // last: where OUT.bag has its name, the other files have theirs
+    writer_.close();  // last: OUT.bag appearing means that all files are complete
     outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
     const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
@@ -215,7 +215,7 @@ class Run {
   /// The outcome in a line.
   std::string summary() const {
     std::size_t found = 0;
-    std::size_t unmatched = 0;  // although there is something to match
+    std::size_t unmatched = 0;  // images without a match, although there is something to match
     std::string others;
     for (const auto& [status, count] : statuses_) {
       if (status == Status::ok) {
@@ -250,7 +250,7 @@ class Run {
         gaps_, step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
-  /// Said once: a camera_info that the images do not fit.
+  /// Explains once that the images do not fit the camera_info.
   void explainNoMotion(const cv::Size& image) {
     if (!view_.camera || std::exchange(said_no_motion_, true)) return;
     try {
@@ -415,7 +415,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
 
 void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
-  // A file of parameters can name these, too.
+  // A file of parameters can name these files, too.
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
@@ -570,7 +570,7 @@ int run(int argc, char** argv) {
   std::error_code none;  // a name that cannot be used is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
-    std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
+    std::cerr << arguments.out + " is finished\n";  // at once: others write there
     return tools::kExitDone;
   }
   return matchBag(tools::planOutputs(app, arguments.force), arguments);

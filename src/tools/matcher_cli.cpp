@@ -16,7 +16,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Not those of the node's services, subscribers and diagnostics.
+/// False for parameters of the node's services, subscribers and diagnostics.
 bool decidesARecording(const ParameterRow& row) {
   return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
@@ -39,8 +39,8 @@ std::vector<double> valueOf(const Covariance8& matrix) {
   return rowsOf(matrix);
 }
 
-/// Two image files have neither camera_info nor a part that a node would cut out. What else belongs
-/// to the stream alone has no influence on the match of two images.
+/// Two image files have neither camera_info nor a part that a node would cut out. Other parameters
+/// of the stream do not influence the match of two images.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {

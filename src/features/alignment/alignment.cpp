@@ -20,7 +20,7 @@ using alignment::bestAlignmentKernels;
 constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
 
-/// The count of each outcome, in the order of PatchOutcome; what is aligned is in `points`.
+/// The counter of each outcome, in the order of PatchOutcome; aligned points are in `points`.
 constexpr std::size_t AlignmentResult::*kCounts[] = {nullptr,
                                                      &AlignmentResult::outside,
                                                      &AlignmentResult::distorted,
@@ -48,9 +48,8 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
 }
 
 /// The aligned homography is the answer unless the keypoints determine the corners of the image
-/// better, as where patches could be aligned in a small part of the image only, or scatter like
-/// keypoints. What aligned points show of smooth errors comes from the scene, and the keypoints
-/// have it, too.
+/// better: where patches could be aligned in a small part of the image only, or scatter like
+/// keypoints. Smooth errors of aligned points come from the scene, so the keypoints have them, too.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
@@ -76,7 +75,7 @@ struct Alignment::Impl {
 
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
-  double rounding2 = 0.0;                         // sum of that of the aligned patches, px²
+  double rounding2 = 0.0;                         // sum of AlignedPatch::rounding2, px²
   std::vector<Eigen::Vector2d> reference_points;  // for each match
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;

@@ -68,7 +68,7 @@ bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
                                  double reach) {
-  constexpr double kMaxStretch = 4.0;  // ratio of the two directions, or of the levels
+  constexpr double kMaxStretch = 4.0;  // largest ratio of two scales
   AlignedPatch result;
   if (!((homography * point.homogeneous()).z() > 0.0)) return result;
   const Eigen::Matrix2d full = homography::jacobianByPoint(homography, point);
@@ -119,8 +119,8 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
   const int y = static_cast<int>(centre.y());
   const Eigen::Vector2d first =
       centre - Eigen::Vector2d(x, y) - back * Eigen::Vector2d(kFirst, kFirst);
-  // The samples' positions are cut to 1/256 px; half of that makes it rounding. Without it all
-  // patches are displaced by 1/512 px, the same way in every frame.
+  // The samples' positions are cut to 1/256 px; adding half of that rounds them. Cutting would
+  // displace all patches by 1/512 px, the same way in every frame.
   constexpr std::int32_t kHalfStep = 128;
   const AffineWalk walk{fixed(first.x()) + kHalfStep,
                         fixed(first.y()) + kHalfStep,
@@ -228,7 +228,7 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     if (!((at - start).cwiseAbs().maxCoeff() <= reach)) return PatchOutcome::beyond_reach;
     if (!(move.squaredNorm() < kSmallStep * kSmallStep)) continue;
     if (result.correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
-    constexpr double kRounding2 = 1.0 / 12.0;  // variance of the error of a whole number
+    constexpr double kRounding2 = 1.0 / 12.0;  // variance of rounding to an integer
     result.rounding2 = 0.5 * kRounding2 * (texture->xx + texture->yy) / texture->determinant;
     position = window->cast<double>() + at + Eigen::Vector2d::Constant(kHalf);
     return PatchOutcome::aligned;

@@ -90,7 +90,7 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
 
 constexpr double kNear = 1.0;  // px
 
-/// Near the middle, any lens that was calibrated can be undone.
+/// Near the middle of the image, the distortion of any calibrated lens can be inverted.
 void requireInverse(const LensCalibration& c) {
   constexpr double kShare = 0.125;  // share of the image size, from the principal point
   const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
@@ -105,7 +105,7 @@ void requireInverse(const LensCalibration& c) {
 // 33 px at 80 degrees: beyond, a keypoint does not tell where the ray meets a plane.
 constexpr double kFarthestAngle = 75.0 * util::kPi / 180.0;
 
-/// Up to where larger angles lead farther from the principal point.
+/// Range in which larger angles lead farther from the principal point.
 double rangeOf(const LensCalibration& c) {
   constexpr int kSteps = 300;
   std::vector<cv::Point2d> rays;

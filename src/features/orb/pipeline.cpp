@@ -80,8 +80,8 @@ bool OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   if (pyramid_.used() == 0) return false;
   if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
-  // The image and what is larger is there: threads can begin with it while one thread computes the
-  // smaller levels.
+  // The image and the larger levels are there: threads can begin with them while one thread
+  // computes the smaller levels.
   const int ready = levels_[std::min(options_.first_level, pyramid_.used() - 1)].last_band;
   pool_.parallelFor(2 + ready, [&](int i) {
     if (i == 0) {

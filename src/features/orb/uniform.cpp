@@ -52,8 +52,8 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
 }
 
 void UniformChoice::share(int levels) {
-  // From the poorest cell on: what a cell has less than the equal share of the rest is shared by
-  // the others.
+  // From the poorest cell on: where a cell has fewer corners than its share, the others share the
+  // rest.
   sizes_.clear();
   for (int i = 0; i < levels; ++i) {
     const Level& level = levels_[i];
@@ -90,7 +90,7 @@ void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbK
                                std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
   level.sorted.clear();
-  // The best of a bucket, as many as it has, at most `most`; returns how many.
+  // Keeps the best `most` corners of a bucket, or all if there are fewer; returns how many.
   const auto keep = [&](std::size_t bucket, int most) {
     const auto first = corners.begin() + level.corners.begin(bucket);
     const auto end = corners.begin() + level.corners.end(bucket);
