@@ -1,6 +1,8 @@
 """The Python of README.md and doc/*.md, run as printed, block after block, with drawn pictures."""
 
+import contextlib
 import glob
+import io
 import os
 import re
 import subprocess
@@ -45,7 +47,8 @@ class RecipesTest(FolderCase):
     def run_page(self, name):
         """The names that its blocks leave."""
         for block in blocks_of(os.path.join(ROOT, name)):
-            exec(compile(block, name, 'exec'), self.names)  # pylint: disable=exec-used
+            with contextlib.redirect_stdout(io.StringIO()):
+                exec(compile(block, name, 'exec'), self.names)
         return self.names
 
     def test_every_page_with_python_is_run(self):
