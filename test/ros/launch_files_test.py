@@ -115,6 +115,13 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertLessEqual(set(self.parameters_of(launch)), STATIC_PARAMETERS, launch)
             self.assertLessEqual(set(got), set(values) | STATIC_PARAMETERS, launch)
 
+    def test_an_unknown_preset_is_refused_with_the_names_of_all(self):
+        names = sorted(name[:-5] for name in os.listdir(os.path.join(PACKAGE, 'config')) if name.endswith('.yaml'))
+        for name in names:
+            self.load('matcher.launch', 'preset:=' + name)
+        with self.assertRaisesRegex(Exception, 'vdeo: the presets are ' + ', '.join(names)):
+            self.load('matcher.launch', 'preset:=vdeo')
+
     def test_the_demo_looks_for_targets_where_it_is_given_some(self):
         def parameters(*arguments):
             return {key: param.value for key, param in self.load('demo.launch', *arguments).params.items()
