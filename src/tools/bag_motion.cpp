@@ -13,6 +13,7 @@
 #include "files/csv.h"
 #include "ktgp_orb/status.h"
 #include "tools/bag_writer.h"
+#include "util/counted.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -250,7 +251,7 @@ void BagMotion::close(files::Outputs& outputs) {
 std::string BagMotion::report() const {
   if (options_.path.empty()) return "";
   std::string text = options_.path + ": motion of " + std::to_string(known_) + " of " +
-                     std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
+                     util::counted(frames_, "frame") + ", height from " + readings_.heightSource() +
                      ", normal from " + readings_.normalSource() + '\n';
   if (!shutter_.empty()) text += "  " + shutter_ + '\n';
   if (imu_) {
@@ -264,7 +265,7 @@ std::string BagMotion::report() const {
   constexpr std::size_t kShown = 4;
   most.resize(std::min(most.size(), kShown));
   for (const auto& [frames, problem] : most) {
-    text += "  " + std::to_string(frames) + " frames" + problem + '\n';
+    text += "  " + util::counted(frames, "frame") + problem + '\n';
   }
   return text;
 }

@@ -11,6 +11,7 @@
 #include "files/target_list.h"
 #include "ros/image_conversion.h"
 #include "tools/matcher_cli.h"
+#include "util/counted.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -93,8 +94,8 @@ TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
 
 std::string BagTargets::report() const {
   if (input_.path.empty()) return "";
-  std::string text = input_.path + ": " + std::to_string(found_) + " detections in " +
-                     std::to_string(seen_) + " of " + std::to_string(frames_) + " images, " +
+  std::string text = input_.path + ": " + util::counted(found_, "detection") + " in " +
+                     std::to_string(seen_) + " of " + util::counted(frames_, "image") + ", " +
                      std::to_string(poses_) +
                      " of them with a pose; known targets: " + std::to_string(finder_.ids().size());
   if (refused_ > 0) text += ", refused: " + std::to_string(refused_);

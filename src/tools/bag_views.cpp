@@ -15,6 +15,7 @@
 #include "stabilization/steady_path.h"
 #include "tools/bag_writer.h"
 #include "tools/matcher_cli.h"
+#include "util/counted.h"
 #include "util/format.h"
 #include "util/milliseconds.h"
 
@@ -208,10 +209,10 @@ std::string SteadyVideo::report() const {
                                : std::to_string(options_.stabilizer.lag) + " frames late";
   const double before = std::sqrt(before_.mean());
   return options_.video +
-         util::format(": %zu frames, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n",
-                      written_, before, before < kNoShake ? " (none to remove)" : "",
-                      std::sqrt(after_.mean()), path.c_str(),
-                      milliseconds_ / static_cast<double>(written_));
+         util::format(": %s, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n",
+                      util::counted(written_, "frame").c_str(), before,
+                      before < kNoShake ? " (none to remove)" : "", std::sqrt(after_.mean()),
+                      path.c_str(), milliseconds_ / static_cast<double>(written_));
 }
 
 std::string mosaicOf(const std::string& path, std::size_t number) {
@@ -279,13 +280,15 @@ std::string BagViews::report() const {
               " maps, each in a file; the last";
     }
     text += util::format(
-        ": %dx%d px; %zu frames, %zu of them lost, %zu keyframes, %.2f ms a frame%s\n",
-        mosaic_.area().width, mosaic_.area().height, placed_, lost_, mosaic_.keyframes(),
+        ": %dx%d px; %s, %zu of them lost, %s, %.2f ms a frame%s\n", mosaic_.area().width,
+        mosaic_.area().height, util::counted(placed_, "frame").c_str(), lost_,
+        util::counted(mosaic_.keyframes(), "keyframe").c_str(),
         place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
         mosaic_.full() ? "; full, some was left out" : "");
     if (repeated_ > 0) {
-      text += options_.mosaic + ": the ground repeats: " + std::to_string(repeated_) +
-              " frames fit in several places, and are lost\n";
+      text += options_.mosaic +
+              ": the ground repeats: " + util::counted(repeated_, "frame fits", "frames fit") +
+              " in several places, and so not drawn\n";
     }
     if (zoomed_ > 0) {
       text += options_.mosaic + ": the camera has turned, tilted or moved too far for one plane: " +

@@ -36,6 +36,7 @@
 #include "tools/matcher_cli.h"
 #include "tools/program.h"
 #include "tools/video_file.h"
+#include "util/counted.h"
 #include "util/format.h"
 #include "util/printable.h"
 
@@ -177,14 +178,16 @@ class Run {
 
   /// Says what was done and what could not be used; `code`: what run() returned.
   void report(const Arguments& arguments, int code) const {
-    std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << matched_
-              << " images of " << source_->topic() << " matched, " << refused_ << " refused, "
-              << skipped_ << " skipped by max_rate; results in " << arguments.out << '\n'
+    std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "")
+              << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "
+              << refused_ << " refused, " << skipped_ << " skipped by max_rate; results in "
+              << arguments.out << '\n'
               << summary() << views_.report() << motion_.report() << targets_.report();
     if (!source_->note().empty()) std::cerr << "ktgp_bag: " << source_->note() << '\n';
     if (refused_ > 0) {
-      std::cerr << "ktgp_bag: " << arguments.in << ": " << refused_
-                << " images could not be used, the first because: " << refusal_ << '\n';
+      std::cerr << "ktgp_bag: " << arguments.in << ": " << util::counted(refused_, "image")
+                << " could not be used" << (refused_ > 1 ? ", the first" : "")
+                << " because: " << refusal_ << '\n';
     }
     if (source_->damage().empty()) return;
     const bool is_bag = kindOf(arguments.in) == InputKind::bag;
@@ -196,16 +199,17 @@ class Run {
  private:
   /// The findings, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
   std::string successes(std::size_t found) const {
-    if (!finds_motions_) return std::to_string(found) + " homographies";
+    if (!finds_motions_) return util::counted(found, "homography", "homographies");
     std::string kinds;
     for (const auto& [geometry, count] : geometries_) {
       kinds += (kinds.empty() ? " (" : ", ") + std::to_string(count) + " " + toString(geometry);
     }
     if (parallaxes_.empty()) {
-      return std::to_string(found) + " geometries" + (kinds.empty() ? "" : kinds + ")");
+      return util::counted(found, "geometry", "geometries") + (kinds.empty() ? "" : kinds + ")");
     }
-    std::string text = util::format("%zu motions%s), median parallax %.2g degrees", found,
-                                    kinds.c_str(), metrics::median(parallaxes_));
+    std::string text =
+        util::counted(found, "motion") + kinds +
+        util::format("), median parallax %.2g degrees", metrics::median(parallaxes_));
     for (const auto& [doubt, count] : doubts_) {
       text += ", " + std::to_string(count) + " in doubt: " + toString(doubt);
     }
@@ -227,8 +231,8 @@ class Run {
           (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " + toString(status);
     }
     if (repeated_ > 0) {
-      others += util::format("\n%zu images repeat the one before, and are no new frames",
-                             static_cast<std::size_t>(repeated_));
+      others += "\n" + util::counted(repeated_, "image repeats the one before, and is no new frame",
+                                     "images repeat the one before, and are no new frames");
     }
     if (2 * with_still_things_ > found) others += std::string("\n") + kThingsStandStill;
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
@@ -244,10 +248,11 @@ class Run {
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
-    return util::format(
-        "\n%zu images have no reference: they are about %.3g s apart, and max_reference_age is "
-        "%.3g s; expected a larger one (--max_reference_age %.3g)",
-        gaps_, step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
+    return "\n" + util::counted(gaps_, "image has", "images have") +
+           util::format(
+               " no reference: they are about %.3g s apart, and max_reference_age is %.3g s; "
+               "expected a larger one (--max_reference_age %.3g)",
+               step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
   /// Explains once that the images do not fit the camera_info.

@@ -224,7 +224,7 @@ class VideoTest(RecordingCase):
                    '--mosaic', 'map.png', words=('3 homographies', '4 frames, 0 of them lost'))
         cv2.imwrite(self.path('strip.png'), np.zeros((2, 400), np.uint8))
         self.match('strip*.png', 'strip.bag', '--longest_side', '32',  # 32x1 px
-                   words='1 images of /camera/image_raw matched')
+                   words='1 image of /camera/image_raw matched')
         found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
         self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
 
