@@ -211,9 +211,10 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
   }
   if (!covariance.allFinite()) return;
   const double degrees = 180.0 / CV_PI;  // over all axes
-  std::printf("standard deviation: rotation %.3f degrees, direction %.3f degrees\n",
+  const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
+  std::printf("standard deviation: rotation %.3f degrees, direction %s\n",
               degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()),
-              degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace()));
+              direction < 90.0 ? util::format("%.3f degrees", direction).c_str() : "not known");
 }
 
 void printTwoView(const MatchResult& result) {

