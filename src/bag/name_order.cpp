@@ -68,7 +68,7 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// In "2024.01.02" there are three counts.
+/// Whether the number is one of three or more in a row, as in "2024.01.02": these are counts.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && text[begin - 1] == '.' && isDigit(text, begin - 2);
   return before || (end < text.size() && text[end] == '.' && isDigit(text, end + 1));

@@ -85,7 +85,7 @@ bool renameToNew(const char* from, const char* to) {
   return true;
 }
 
-/// Beside the file, with its ending, which selects some formats.
+/// A temporary name beside the file, with its ending, which selects some formats.
 std::string unfinishedName(const fs::path& target, int number) {
   const std::string name =
       target.stem().string() + ".unfinished" + std::to_string(number) + target.extension().string();

@@ -48,7 +48,7 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   return found;
 }
 
-/// Fits what the search found; fills in what the verdict allows.
+/// Fits the homography that the search found, and sets the result if the verdict allows it.
 void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& reference_size,
                                    ProsacResult& result) {
   homography::EvidenceOptions evidence;
@@ -64,7 +64,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   const bool scaled = homography::scaleLastToOne(answer.homography);
   if (!verdict.trusts(answer, pairs, reference_size, options.max_error, labelled)) return;
 
-  // Last, since it takes longer than the verdict.
+  // This comes last, since it takes longer than the verdict.
   if (scaled) {
     answer = fit.inPixels(normalised, corners, evidence, h);
   } else {

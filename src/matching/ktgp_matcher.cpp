@@ -135,7 +135,7 @@ class Chain {
   ProsacResult labelled_;                       // a candidate that PROSAC did not find
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
   std::vector<std::uint8_t> taken_;             // target keypoints that are inliers
-  std::vector<Correspondence> matches_;         // to align
+  std::vector<Correspondence> matches_;         // matches to align
 };
 
 bool always(const MatcherOptions& /*options*/) {

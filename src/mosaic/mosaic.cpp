@@ -222,9 +222,8 @@ struct Mosaic::Impl {
     return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
   }
 
-  /// Chooses where the map and the chain of homographies lead to two places, and the ground looks
-  /// the same at both: the place nearer to the prediction of the last velocity. Empty if no
-  /// velocity is known.
+  /// Where the map and the chain of homographies lead to two places that look the same: the place
+  /// nearer to the prediction of the last velocity. Empty if no velocity is known.
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
                                              const Eigen::Matrix3d& by_chain) const {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe

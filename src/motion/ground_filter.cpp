@@ -16,8 +16,8 @@ using util::whiteningOf;
 
 namespace {
 
-/// The problem of estimation::RobustFit: the pose whose homography from a map is nearest to a seen
-/// one in units of its deviation.
+/// The problem of estimation::RobustFit: the pose whose homography from a map is nearest to the
+/// seen one, in units of its deviation.
 struct PoseProblem {
   using State = CameraPose;
   Vector8 seen;  // entries of the homography

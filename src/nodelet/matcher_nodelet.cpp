@@ -74,7 +74,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
 
   std::atomic<bool> lazy_{true};
   std::atomic<double> max_rate_{0.0};  // Hz
-  std::atomic<bool> is_fixed_{false};  // the mode
+  std::atomic<bool> is_fixed_{false};  // the reference mode is fixed
   MatcherFacts facts_;
 };
 

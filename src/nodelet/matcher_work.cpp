@@ -128,7 +128,7 @@ std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 
-// After the data, which must not wait for the picture.
+// Called after the data are published, since they must not wait for the picture.
 void MatcherWork::publishOverlay(const sensor_msgs::ImageConstPtr& image) {
   if (overlay_.getNumSubscribers() == 0) return;
   const auto start = Diagnosis::Clock::now();

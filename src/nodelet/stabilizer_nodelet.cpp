@@ -45,7 +45,7 @@ class StabilizerWork {
   ros::Publisher warps_;
   Stabilizer stabilizer_;
   cv::Size size_;     // size of the newest image
-  ros::Time newest_;  // its stamp
+  ros::Time newest_;  // stamp of the newest image
   std::uint64_t restarts_ = 0;
   bool rectified_ = false;  // the newest homography is between rectified pixels
   std::vector<SteadyFrame> ready_;

@@ -206,7 +206,7 @@ void TargetsNodelet::advertise() {
   });
   addService<DetectTargets>("detect", long_queue_,
                             [this](auto& request, auto& response) { detect(request, response); });
-  // One by one, so that the nodelet can be unloaded at any time.
+  // Targets are loaded one by one, so that the nodelet can be unloaded at any time.
   load_ = addTimer(long_queue_, 0.001, [this] { loadNext(); });
   startWorker(std::make_unique<TargetsWork>(diagnosis_, detections, markers, pictures,
                                             images_->topic(), camera_info_->topic()));

@@ -125,7 +125,7 @@ void requireInside(const Features& features) {
   }
 }
 
-/// Grey or colour of 8 or 16 bits, as it is.
+/// Grey or colour of 8 or 16 bits, unchanged.
 ImageArray anyImage(const py::object& image, const std::string& name) {
   ImageArray out{bytesOf(image, name, true), {}};
   const py::array& array = out.owner;

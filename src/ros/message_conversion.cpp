@@ -65,7 +65,7 @@ void append(const Correspondence& c, const Frame& reference, const Frame& target
   message.track.push_back(target.tracks[static_cast<std::size_t>(c.target_index)]);
 }
 
-/// To the fields of Correspondences or HomographyStamped.
+/// Sets the fields of Correspondences or HomographyStamped.
 template <typename Message>
 void setSizes(const cv::Size& image, const cv::Size& reference, Message& message) {
   message.image_width = static_cast<std::uint32_t>(image.width);

@@ -148,7 +148,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
-    // The corners of this frame in that one.
+    // The corners of this frame, seen in the other one.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
     if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;

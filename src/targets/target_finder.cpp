@@ -111,7 +111,7 @@ struct Sequence {
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // number of the frame
 };
 
-/// Targets with most votes and targets that have waited longest, in turn, each once.
+/// The order of the search: in turn the target with most votes and the one that has waited longest.
 std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
   const auto last_tried_of = [&](const Candidate& candidate) {
     const auto found = sequence.last_tried.find(candidate.target);
@@ -477,7 +477,7 @@ const TargetFrame& TargetFinder::find(const Features& features) {
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   const Sequence followed = std::exchange(impl_->sequence, {});
-  // With buffers of its own, which may be large.
+  // The request has buffers of its own, which may be large.
   std::unique_ptr<SearchedFrame> of_sequence =
       std::exchange(impl_->frame, std::make_unique<SearchedFrame>(impl_->options));
   const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);

@@ -82,7 +82,7 @@ void TargetIndex::search(const std::vector<growth::Bits>& wanted,
   }
 }
 
-/// In steps; each one fetches the memory that the next one needs.
+/// Works in steps; each one fetches the memory that the next one needs.
 void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                                 const std::uint32_t* queries, std::size_t count) {
   segment.tables.find(

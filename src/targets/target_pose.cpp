@@ -54,7 +54,7 @@ struct TargetPose::Impl {
 /// The homography of the rectified pairs; empty if they do not agree.
 std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
                                                                const Lens& lens) {
-  constexpr double kPatchSide = 15.0;  // px, about
+  constexpr double kPatchSide = 15.0;  // px, side of a patch, about
   points.clear();
   for (const Eigen::Vector2d& p : target.pairs.target) {
     points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);

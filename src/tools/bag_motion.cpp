@@ -70,9 +70,8 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
 
 constexpr double kWentBack = 1.0;  // s; less is jitter, or a publisher that dates ahead
 
-/// Whether the clock was set back where the message at `place` arrived: the messages around it are
-/// all on one side. A single one with a wrong stamp, or a publisher that dates ahead, is no
-/// restart.
+/// Whether the clock was set back before the message at `place`: all messages before it have later
+/// stamps than all after it. A single wrong stamp, or a publisher that dates ahead, is no restart.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
   constexpr std::size_t kAround = 100;  // messages, before and after

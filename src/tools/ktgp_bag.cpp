@@ -372,7 +372,7 @@ class Run {
   std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;
   std::uint64_t repeated_ = 0;
-  std::string refusal_;  // the first reason
+  std::string refusal_;  // why the first one was refused
 };
 
 /// The camera for the two-view geometry; without camera_info there is no motion.

@@ -95,7 +95,7 @@ void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKern
                       cv::Mat& target) {
   if (columns_.source != source.cols || columns_.target != size.width) {
     ResizeAxis columns(source.cols, size.width);
-    // First, so that the sizes stay consistent if memory runs out.
+    // This comes first, so that the sizes stay consistent if memory runs out.
     for (auto& buffer : buffers_) {
       buffer.resize(columns.blocks.size() * kResizeBlock + kVectorSlack);
     }

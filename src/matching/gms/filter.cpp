@@ -82,14 +82,14 @@ struct GmsFilter::Impl {
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
   std::vector<Match> matches;
-  std::array<std::vector<std::uint32_t>, 4> target_cells;  ///< per shift and match
+  std::array<std::vector<std::uint32_t>, 4> target_cells;  ///< by shift, for each match
   std::size_t outside = 0;  ///< correspondences left out: not in the target image
 
-  // For the current scale.
-  std::vector<std::uint32_t> reference_cells;  ///< per match
+  // At the current scale, for each match:
+  std::vector<std::uint32_t> reference_cells;  ///< reference cell
   util::Buckets reference_order;
   gms::CellPairs pairs;
-  gms::Votes votes;  ///< per match
+  gms::Votes votes;  ///< votes of the grids
 
   // The best rotation and scale so far.
   std::size_t most_kept = 0;
