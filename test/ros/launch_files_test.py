@@ -122,15 +122,19 @@ class LaunchFilesTest(unittest.TestCase):
         with self.assertRaisesRegex(Exception, 'vdeo: the presets are ' + ', '.join(names)):
             self.load('matcher.launch', 'preset:=vdeo')
 
-    def test_the_demo_looks_for_targets_where_it_is_given_some(self):
-        def parameters(*arguments):
-            return {key: param.value for key, param in self.load('demo.launch', *arguments).params.items()
+    def test_targets_are_looked_for_where_they_are_given(self):
+        def parameters(launch, *arguments):
+            return {key: param.value for key, param in self.load(launch, *arguments).params.items()
                     if key.startswith('/camera/targets/')}
-        self.assertEqual(parameters(), {})
-        for name in ('/a/l"i\\s t\'.yaml', '/12'):
-            self.assertEqual(parameters('targets:=' + name)['/camera/targets/targets'], name)
         os.environ['PWD'] = os.getcwd()
-        self.assertEqual(parameters('targets:=b.yaml')['/camera/targets/targets'], os.getcwd() + '/b.yaml')
+        for launch in ('demo.launch', 'views.launch'):
+            self.assertEqual(parameters(launch), {})
+        self.assertEqual(parameters('targets.launch')['/camera/targets/targets'], '')
+        for launch in ('demo.launch', 'views.launch', 'targets.launch'):
+            for name in ('/a/l"i\\s t\'.yaml', '/12'):
+                self.assertEqual(parameters(launch, 'targets:=' + name)['/camera/targets/targets'], name)
+            self.assertEqual(parameters(launch, 'targets:=b.yaml')['/camera/targets/targets'],
+                             os.getcwd() + '/b.yaml')
 
     def test_every_other_argument_of_the_matcher_reaches_it_through_each_file(self):
         given = {'namespace': 'front', 'name': 'eyes', 'transport': 'compressed', 'queue_size': '7',
