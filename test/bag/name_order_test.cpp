@@ -21,7 +21,7 @@ void expectOrder(const Names& names) {
   EXPECT_EQ(shuffled, names);
 }
 
-TEST(NameOrder, IsThatOfTheNumbers) {
+TEST(NameOrder, FollowsTheNumbers) {
   expectOrder({"img1.png", "img2.png", "img10.png"});
   expectOrder({"img0009.png", "img10.png", "img0011.png"});
   expectOrder({"-2.5.png", "-2.png", "-0.5.png", "0.png", "0.25.png", "10.png"});
@@ -93,7 +93,7 @@ TEST(NameOrder, OneOddNameMovesNoOther) {
   }
 }
 
-TEST(NameOrder, NamesWhatIsUnlikeTheOthers) {
+TEST(NameOrder, ReportsNamesThatDiffer) {
   Names names;
   for (int i = 0; i < 30; ++i) names.push_back("run/" + std::to_string(0.5 * i) + ".png");
   EXPECT_TRUE(oddNames(names).empty());

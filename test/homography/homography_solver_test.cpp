@@ -793,7 +793,7 @@ TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
   }
 }
 
-TEST(CoveredArea, LeavesOutWhatIsFarFromTheOthers) {
+TEST(CoveredArea, LeavesOutFarOutliers) {
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < 100; ++i) points.emplace_back(10.0 * (i % 10), 5.0 * (i / 10));
   EXPECT_NEAR(estimation::coveredArea(points), 90.0 * 45.0, 1e-9);

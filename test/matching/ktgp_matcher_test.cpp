@@ -311,7 +311,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
   test::expectOneAnswer(result, pair.reference, pair.target, options.prosac.max_error);
 }
 
-TEST(MatcherRefinement, TheRobustPresetFindsWhatTheMotionStatisticsLose) {
+TEST(MatcherRefinement, RobustPresetFindsMatchesThatGmsLoses) {
   const Pair pair = warpedPair(test::turn(100.0, 1.3));
   EXPECT_NE(matched(pair, MatcherOptions::ktgp()).status, Status::ok);
   const MatchResult robust = matched(pair, MatcherOptions::robust());

@@ -94,7 +94,7 @@ TEST(KtgpMatcher, ThingsThatStandStillInAMovingPictureAreCounted) {
 }
 
 // Something that moves in front of a camera that stands still.
-TEST(KtgpMatcher, ACameraThatStandsStillIsNotMovedByWhatPasses) {
+TEST(KtgpMatcher, PassingThingsDoNotMoveAStandingCamera) {
   const cv::Mat wall = test::textureImage(cv::Size(640, 480), 4);
   const cv::Mat lorry = test::textureImage(cv::Size(300, 220), 8);
   const auto view = [&](int x) {

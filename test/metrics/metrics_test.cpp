@@ -50,7 +50,7 @@ TEST(Median, MiddleOfSortedValues) {
   EXPECT_EQ(median({1.0, kInfinity, kInfinity}), kInfinity);
 }
 
-TEST(DescriptorDistance, CountsOnlyWhatReachedTheLevel) {
+TEST(DescriptorDistance, CountsMatchesOfTheLevelOnly) {
   const std::vector<Correspondence> c{{0, 0, 100, 101, Level::knn},
                                       {0, 1, 30, 60, Level::kt},
                                       {0, 2, 10, 60, Level::ktgp},
@@ -229,7 +229,7 @@ TEST(Repeatability, SameKeypointsGiveOne) {
   EXPECT_DOUBLE_EQ(r.score(), 1.0);
 }
 
-TEST(Repeatability, LeavesOutWhatTheOtherImageDoesNotShow) {
+TEST(Repeatability, LeavesOutKeypointsOutsideTheOtherImage) {
   const Features a = featuresAt({{10, 100}, {300, 200}, {500, 400}});
   const Features b = featuresAt({{200, 200}, {630, 10}});
   const Repeatability r = detectorRepeatability(a, b, translation(-100, 0));

@@ -76,7 +76,7 @@ TEST(Parameters, AdviseSmallerImages) {
 }
 
 /// With fewer features or another descriptor the reference is still found from anywhere.
-TEST(Parameters, KeepWhatWasSetForAFixedReference) {
+TEST(Parameters, ValuesSetForAFixedReferenceStay) {
   const auto chosenFor = [](const std::string& name, const std::string& value) {
     Parameters set;
     set.reference_mode = "fixed";

@@ -221,7 +221,7 @@ class ModuleTest(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, name + ' is a masked array with hidden values; expected its .data'):
                 use()
 
-    def test_what_alpha_hides_has_no_keypoints(self):
+    def test_pixels_hidden_by_alpha_have_no_keypoints(self):
         shown = np.full(self.reference.shape, 255, np.uint8)
         shown[:, 320:] = 0
         features = ktgp.Extractor().extract(np.dstack([self.reference] * 3 + [shown]))

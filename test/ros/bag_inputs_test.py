@@ -281,7 +281,7 @@ class BagMotionInputsTest(FolderCase):
         return [(1000 + k / 50, topic, kind([self.transform('camera', 1000 + k / 50 + ahead)]))
                 for k in range(-50, 80)]
 
-    def test_what_is_dated_ahead_keeps_nothing_waiting(self):
+    def test_messages_dated_ahead_delay_no_others(self):
         other = [(1000 + k / 20, '/tf', TFMessage([self.transform('another', 1000.5 + k / 20, 'map')]))
                  for k in range(-20, 40)]
         self.record(self.mount() + other)

@@ -479,7 +479,7 @@ cv::Mat halfHidden(const cv::Mat& pixels, int type) {
   return out;
 }
 
-TEST(Opacity, WhatItHidesIsNotPartOfAnImage) {
+TEST(Opacity, HiddenPixelsAreNotPartOfAnImage) {
   const cv::Mat noise = test::noiseImage({kWidth, kHeight}, 5);
   const cv::Rect seen(0, 0, kWidth / 2, kHeight),
       hidden(kWidth / 2 + 4, 0, kWidth / 2 - 4, kHeight);

@@ -159,7 +159,7 @@ class VideoTest(RecordingCase):
         shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
         np.testing.assert_allclose(shifts, -5.0, atol=0.5)  # img2 comes before img10
 
-    def test_times_as_names_are_in_their_order_and_an_odd_name_is_told(self):
+    def test_times_as_names_are_in_their_order_and_an_odd_name_is_reported(self):
         """Decimals without the zeros at their ends, as Python's str(time.time()) has them."""
         times = [1700000000.05 + i / 30 + 1e-3 * (i % 3) for i in range(14)]
         names = ['%r.png' % round(t, 4 if i % 2 else 6) for i, t in enumerate(times)]

@@ -72,7 +72,7 @@ class PoseTest(TargetsCase):
         self.assertLess(deviations, CHI_SQUARE, 'the claimed covariance is too small')
         self.assertEqual(no_delay(self.info), {True})
 
-    def test_is_right_whatever_the_calibration(self):
+    def test_pose_is_right_for_every_calibration(self):
         def check(name):
             picture, info, kind = RIGHT[name]
             self.client.update_configuration({'calibration': kind})

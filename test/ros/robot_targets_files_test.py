@@ -182,7 +182,7 @@ class TargetsFilesTest(FolderCase):
         self.assertIn('id: small', self.read(kept))
         self.assertEqual(sorted(os.listdir(self.folder)), ['kept.yaml', 'kept.yaml_images', 'link.yaml', 'poster.png'])
 
-    def test_refuses_what_is_no_list(self):
+    def test_a_text_that_is_no_list_is_refused(self):
         os.mkdir(self.path('folder.yaml'))
         os.symlink('missing.yaml', self.path('link.yaml'))
         for name, words in ((self.path('folder.yaml'), ': is a folder'), ('/dev/null', ': is no regular file'),

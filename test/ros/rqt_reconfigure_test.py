@@ -81,7 +81,7 @@ class RqtReconfigureTest(unittest.TestCase):
             message = self.matches.wait_for(self.camera.show(view(100 + shift, 100)))
         return message
 
-    def test_what_is_set_in_the_window_is_computed_with(self):
+    def test_values_of_the_window_reach_the_matcher(self):
         do = self.client.do
         do('select', '/camera/matcher')
         wanted = [g['name'] for g in sorted(KtgpConfig.config_description['groups'],

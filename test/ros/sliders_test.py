@@ -48,7 +48,7 @@ class SlidersTest(unittest.TestCase):
             return condition()
         wait_until(holds, what)
 
-    def test_what_is_dragged_typed_and_chosen_arrives(self):
+    def test_dragged_typed_and_chosen_values_arrive(self):
         window, values, server = self.open(KtgpConfig, 'matcher')
         self.assertEqual(list(window.rows)[:2], ['T_w', 'T_G'])
         self.assertEqual(set(window.rows), set(values) - {'groups'})

@@ -152,7 +152,7 @@ TEST(Stabilizer, IsSteadyFromTheFirstFramesOn) {
   EXPECT_LT(shakeAfter(steps, warpsOf(stabilized(steps))), 0.15 * shakeBefore(steps));
 }
 
-TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {
+TEST(Stabilizer, NeverShowsTheBorder) {
   for (const double shake : {3.0, 30.0, 200.0}) {
     for (const double max_crop : {0.02, 0.1, 0.3}) {
       StabilizerOptions options;
@@ -277,7 +277,7 @@ double jitterOf(const test::RollingCamera& camera, const Steps& steps) {
 
 // A rolling shutter bends the picture. The homographies of what is seen have most of that, so the
 // stabilizer takes it out; those of the middle rows, with the shutter taken out, would leave it in.
-TEST(Stabilizer, TakesOutMostOfWhatARollingShutterBends) {
+TEST(Stabilizer, RemovesMostOfARollingShutter) {
   const test::RollingCamera global{trembling, 0.0, kSize};
   const double jitter = jitterOf(global, stepsSeen(global));
   for (const double readout : {0.016, 0.03}) {
@@ -371,7 +371,7 @@ TEST_F(SteadyPath, StandsStillAboveAShakingCamera) {
   }
 }
 
-TEST_F(SteadyPath, NeverShowsWhatIsBeyondTheBorder) {
+TEST_F(SteadyPath, NeverShowsTheBorder) {
   for (const double shake : {3.0, 30.0, 200.0}) {
     for (const double max_crop : {0.01, 0.1, 0.3, 0.4}) {
       const Path warps = steadyPath(stepsOf(shakingFlight(120, shake, 30.0)), kSize, max_crop);

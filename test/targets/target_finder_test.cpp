@@ -249,7 +249,7 @@ TEST(TargetFinder, FindsTargetsInLargePhotographs) {
 }
 
 /// Few keypoints are left in the blur: where they do not suffice, the images say where it is.
-TEST(TargetFinder, FollowsByTheImagesWhatHasFewKeypoints) {
+TEST(TargetFinder, FollowsTargetsWithFewKeypointsByTheImages) {
   TargetFinder finder = finderOf(3);
   int followed = 0;
   for (int step = 0; step < 12; ++step) {
@@ -333,7 +333,7 @@ TEST(TargetFinder, TargetsThatOverlapAreFound) {
   }
 }
 
-TEST(TargetFinder, RefusesWhatCannotBeATarget) {
+TEST(TargetFinder, RefusesUnusableTargets) {
   TargetFinder finder = finderOf(1);
   const cv::Mat known = poster(0).images[0];
   Target wide = poster(1), unknown = poster(1), none = poster(1);
@@ -535,7 +535,7 @@ TEST(TargetFinder, TargetInsideAnotherIsFound) {
   }
 }
 
-TEST(TargetFinder, NamesWhatLooksTheSameInAnotherPose) {
+TEST(TargetFinder, NamesPosesThatLookAlike) {
   const auto ambiguityOf = [](const cv::Mat& picture) {
     TargetFinder finder;
     finder.add(test::targetOf("t", picture));
@@ -709,7 +709,7 @@ TEST(TargetFinder, MostlyDifferentPictureIsNotFound) {
   EXPECT_EQ(detectionsWith(195, 146), 1U);  // 46 %
 }
 
-TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
+TEST(TargetFinder, BudgetLimitsTriesNotResults) {
   TargetFinderOptions options;
   options.smallest_side = 80.0;  // else what is followed decides whether a frame is made larger
   TargetFinder all = finderOf(16, options);

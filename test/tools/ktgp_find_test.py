@@ -55,7 +55,7 @@ class KtgpFind(ToolCase):
                              ("300,300,900,100", "outside the image of 320x240")):
             self.find("scene.pgm", "posters", "--camera", wrong, code=2, words=words)
 
-    def test_what_is_hidden_under_transparency_is_not_part_of_a_target(self):
+    def test_transparent_pixels_are_not_part_of_a_target(self):
         """A round sign on a transparent ground, with another picture under it."""
         sign, under = (window(picture(seed))[:200, :200] for seed in (21, 22))
         y, x = np.mgrid[:200, :200]

@@ -97,7 +97,7 @@ class KtgpMatch(PairCase):
                 self.assertEqual(str(self.json()["options"][name]).lower().rstrip("0").rstrip("."),
                                  value.rstrip("0").rstrip("."), name)
 
-    def test_what_is_not_found_has_advice(self):
+    def test_there_is_advice_where_nothing_is_found(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))
         self.match_photos("a.pgm", "other.pgm", code=1, prints="try: no plane that both images show")
         write_pgm(self.folder / "grey.pgm", np.full((HEIGHT, WIDTH), 90, np.uint8))
@@ -336,7 +336,7 @@ class KtgpMatch(PairCase):
         self.write("t.yaml", "descriptor: teblid\n")
         self.assertEqual(self.options("--params", "t.yaml")["T_w"], 0.8)
 
-    def test_what_a_parameter_file_has_wrong_is_named(self):
+    def test_errors_in_a_parameter_file_are_named(self):
         for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "[0, 1]"),
                                ("T_w: .nan\n", "[0, 1]"), ("T_w: [1]\n", "T_w"),
                                ("features: 10.5\n", "whole number"),

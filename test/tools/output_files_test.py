@@ -150,7 +150,7 @@ class MatchOutput(OutputCase):
     def refuses(self, *options, **expected):
         self.refused("ktgp_match", "a.pgm", "b.pgm", *options, **expected)
 
-    def test_what_exists_is_replaced_only_when_forced(self):
+    def test_existing_files_are_replaced_only_when_forced(self):
         for option in ("--json", "--csv", "--draw", "--draw-stages", "--draw-final"):
             self.write("out.png", "mine")
             self.refuses(option, "out.png", words="--force")
@@ -320,7 +320,7 @@ class BagOutput(OutputCase):
             self.refused("ktgp_bag", self.bag, "no.bag", f"{option}=nan", words="expected a number")
         self.refused("make_demo_bag", "no.bag", "--seconds", "nan", words="--seconds")
 
-    def test_what_appears_during_the_run_is_not_overwritten(self):
+    def test_a_file_that_appears_during_the_run_is_not_overwritten(self):
         for option, name in ((None, "out.bag"), ("--csv", "out.csv"), ("--stabilize", "out.mp4"),
                              ("--mosaic", "out.png")):
             with self.subTest(name):
@@ -339,7 +339,7 @@ class BagOutput(OutputCase):
                 self.assertIn("was written by another program meanwhile", error)
                 self.assertEqual(self.read(name), "mine")
 
-    def test_of_two_runs_to_one_output_one_fails(self):
+    def test_one_of_two_runs_to_one_output_fails(self):
         runs = [self.start(TOOLS / "ktgp_bag", self.bag, "out.bag") for _ in range(2)]
         for run in runs:
             run.communicate(timeout=120)
@@ -408,7 +408,7 @@ class BagOutput(OutputCase):
             self.refuses("--stabilize", "x.mp4", option, value, words=expected)
         self.run_tool("ktgp_bag", self.bag, "out.bag", "--max_reference_age", "120")
 
-    def test_what_was_matched_is_counted(self):
+    def test_matched_images_are_counted(self):
         run = self.run_tool("ktgp_bag", self.bag, "out.bag", "--max_rate", "10", "--csv", "out.csv")
         rows = len(self.read("out.csv").splitlines()) - 1
         self.assertIn(f"{rows} images of /camera/image_raw matched, 0 refused, {9 - rows} skipped",

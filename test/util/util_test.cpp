@@ -56,7 +56,7 @@ TEST(ThreadPool, StaysOnTheCallerWithOneThread) {
   pool.parallelFor(10, [&](int) { EXPECT_EQ(std::this_thread::get_id(), caller); });
 }
 
-TEST(ThreadPool, ThrowsOnWhatAnIterationThrewAndStaysUsable) {
+TEST(ThreadPool, RethrowsAndStaysUsable) {
   for (int threads : {1, 2, 3}) {
     ThreadPool pool(threads);
     for (int repetition = 0; repetition < 100; ++repetition) {

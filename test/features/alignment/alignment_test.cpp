@@ -262,7 +262,7 @@ TEST(Alignment, LeavesTheHomographyWhereNothingCanBeAligned) {
   EXPECT_EQ(distorted.answer.homography, squeezed);
 }
 
-TEST(Alignment, StripesSayNothingAlongThemselves) {
+TEST(Alignment, StripesDetermineNoShiftAlongThem) {
   const auto stripes = [](const Eigen::Vector2d& x) {
     return 128.0 + 60.0 * std::sin(x.x() / 2.0);
   };
@@ -329,7 +329,7 @@ TEST(PointSpread, PointsLessThanFourPixelsApartCountOnce) {
   EXPECT_EQ(chosen, (std::vector<std::uint32_t>{0, 2, 3}));
 }
 
-TEST(Alignment, WithoutImagesOrSwitchedOffItHandsBackWhatItWasGiven) {
+TEST(Alignment, WithoutImagesOrSwitchedOffReturnsItsInput) {
   AlignmentScene scene = planeScene(13, Eigen::Matrix3d::Identity());
   AlignmentOptions options;
   options.enabled = false;

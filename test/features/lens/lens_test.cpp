@@ -133,7 +133,7 @@ TEST(Lens, FeaturesBeyondItsRangeAreLeftOut) {
   }
 }
 
-TEST(Lens, RefusesWhatIsNoCalibration) {
+TEST(Lens, RefusesInvalidCalibrations) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::vector<std::function<void(LensCalibration&)>> changes{
       [](auto& c) { c.camera(0, 0) = 0.0; }, [](auto& c) { c.rectified_camera(1, 1) = kInfinity; },

@@ -246,7 +246,7 @@ TEST_F(OrbBesideOpencv, AgreesForEveryNumberOfThreads) {
   }
 }
 
-TEST(OrbExtractor, RefusesWhatItCannotTake) {
+TEST(OrbExtractor, RefusesUnusableInput) {
   Features features;
   OrbExtractor extractor;
   const cv::Mat image = test::flatImage(Size(100, 80), 0);

@@ -93,7 +93,7 @@ INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, KnnKernels, ::testing::ValuesIn(ev
                          [](const auto& tested) { return std::string(tested.param->name); });
 
 /// Both searches, against the definitions.
-TEST_P(KnnKernels, GiveWhatTheDefinitionGives) {
+TEST_P(KnnKernels, EqualTheDefinition) {
   const auto expectRight = [&](const cv::Mat& reference, const cv::Mat& target,
                                const std::string& what) {
     const std::string where =
@@ -510,7 +510,7 @@ TEST(NearMatching, AllocatesNothingInSteadyState) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST(NearMatching, RefusesWhatItCannotUse) {
+TEST(NearMatching, RefusesUnusableInput) {
   const Features features = makeFeatures(10, 22);
   std::vector<Correspondence> found;
   const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();

@@ -63,7 +63,7 @@ std::vector<int> left(const Step& step, const Scene& scene, std::vector<Correspo
 using Indices = std::vector<int>;
 const cv::Mat kNoImage(100, 100, CV_8U, cv::Scalar(0));
 
-TEST(Steps, RatioKeepsWhatIsBelow) {
+TEST(Steps, RatioKeepsMatchesBelow) {
   const Features f = described({{0}, {0}, {0}});
   const Scene scene{kNoImage, kNoImage, f, f};
   EXPECT_EQ(left(ratio(0.5), scene, {{0, 0, 5, 10}, {0, 1, 4, 10}, {0, 2, 0, 0}}), Indices{1});

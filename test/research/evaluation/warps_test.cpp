@@ -86,7 +86,7 @@ TEST(Rendering, ShowsAnAnalyticPatternWhereTheHomographySays) {
   EXPECT_GT(worst, 0.0);
 }
 
-TEST(Rendering, AveragesWhatAPixelCovers) {
+TEST(Rendering, AveragesOverThePixel) {
   // A chequerboard of single pixels, shrunk five times: only its mean is left.
   cv::Mat source(1000, 1000, CV_32F);
   for (int y = 0; y < 1000; ++y) {
