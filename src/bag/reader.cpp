@@ -171,7 +171,9 @@ std::string BagMessages::damage(const std::string& things) const {
   std::string what = file_.damage();
   std::size_t lost = expected_ - std::min(expected_, read_);
   for (const auto& of : file_.missing()) lost += connections_.count(of.first) > 0 ? of.second : 0;
-  if (lost > 0) return std::to_string(lost) + " " + things + " lost; " + what;
+  if (lost > 0) {
+    return std::to_string(lost) + (lost == 1 ? " of the " : " ") + things + " lost; " + what;
+  }
   if (what.empty()) return what;
   if (file_.hasIndex()) return "no " + things + " known to be lost; " + what;
   return "how many " + things + " are lost is not known, since the index at the end is missing; " +
