@@ -81,7 +81,7 @@ std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
   });
 }
 
-void defineDetectedTarget(py::module_& module) {
+void defineTargetPose(py::module_& module) {
   py::class_<PlanarPose>(module, "TargetPose", "Where a flat target is in the camera's frame.")
       .def_property_readonly(
           "matrix",
@@ -92,6 +92,9 @@ void defineDetectedTarget(py::module_& module) {
                     "(6, 6) float64: of x, y, z, and of small rotations about the camera's axes, "
                     "rad.")
       .def_readonly("share", &PlanarPose::share, "Probability of this pose, 0 to 1.");
+}
+
+void defineDetectedTarget(py::module_& module) {
   py::class_<PosedTarget>(module, "DetectedTarget", "A flat target in an image.")
       .def_readonly("id", &PosedTarget::id)
       .def_readonly("instance", &PosedTarget::instance, "From 0; of several copies in an image.")
@@ -125,6 +128,7 @@ void defineDetectedTarget(py::module_& module) {
 }
 
 void defineTargets(py::module_& module) {
+  defineTargetPose(module);
   defineDetectedTarget(module);
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",

@@ -61,6 +61,24 @@ class Sequence {
   Shared<SequenceMatcher> matcher_;
 };
 
+py::tuple frameState(const FrameMatch& m) {
+  return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp, m.reference_stamp,
+                        m.image_size.width, m.image_size.height, m.tracks, m.repeated);
+}
+
+std::shared_ptr<FrameMatch> frameOf(const py::tuple& state) {
+  auto match = std::make_shared<FrameMatch>();
+  restore(state[0], *match);
+  match->no_reference = state[1].cast<std::string>();
+  match->accumulated = state[2].cast<std::optional<Eigen::Matrix3d>>();
+  match->stamp = state[3].cast<std::int64_t>();
+  match->reference_stamp = state[4].cast<std::int64_t>();
+  match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
+  match->tracks = state[7].cast<std::vector<std::uint64_t>>();
+  match->repeated = state[8].cast<bool>();
+  return match;
+}
+
 void defineFrameMatch(py::module_& module) {
   py::class_<FrameMatch, Match, std::shared_ptr<FrameMatch>>(
       module, "FrameMatch", "The result for a frame of a sequence.")
@@ -83,24 +101,7 @@ void defineFrameMatch(py::module_& module) {
           [](const py::object& self) { return view(self.cast<const FrameMatch&>().tracks, self); },
           "(N,) uint64: the track of the target keypoint of each match. It stays with a keypoint "
           "while final matches, of levels 3 and 4, lead from frame to frame.")
-      .def(py::pickle(
-          [](const FrameMatch& m) {
-            return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp,
-                                  m.reference_stamp, m.image_size.width, m.image_size.height,
-                                  m.tracks, m.repeated);
-          },
-          [](const py::tuple& state) {
-            auto match = std::make_shared<FrameMatch>();
-            restore(state[0], *match);
-            match->no_reference = state[1].cast<std::string>();
-            match->accumulated = state[2].cast<std::optional<Eigen::Matrix3d>>();
-            match->stamp = state[3].cast<std::int64_t>();
-            match->reference_stamp = state[4].cast<std::int64_t>();
-            match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
-            match->tracks = state[7].cast<std::vector<std::uint64_t>>();
-            match->repeated = state[8].cast<bool>();
-            return match;
-          }));
+      .def(py::pickle(&frameState, &frameOf));
 }
 
 }  // namespace

@@ -151,6 +151,22 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
+/// All decoys together, with one hit in advance; `largest`: the highest share of a decoy with at
+/// least `fewest` pairs of blocks.
+Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
+  Agreement decoys{1.0, 1.0};
+  for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
+    for (int dx = -kDecoyReach; dx <= kDecoyReach; ++dx) {
+      if (dx == 0 && dy == 0) continue;
+      const Agreement here = agreementAt(dx, dy);
+      decoys.hits += here.hits;
+      decoys.pairs += here.pairs;
+      if (here.pairs >= fewest) largest = std::max(largest, here.hits / here.pairs);
+    }
+  }
+  return decoys;
+}
+
 Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
@@ -169,17 +185,8 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   markSeen(homography, picture.image.size(), frame.levels[0].size());
 
   const Agreement own = agreementAt(0, 0);
-  Agreement decoys{1.0, 1.0};
   double largest = 0.0;  // share of a decoy
-  for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
-    for (int dx = -kDecoyReach; dx <= kDecoyReach; ++dx) {
-      if (dx == 0 && dy == 0) continue;
-      const Agreement here = agreementAt(dx, dy);
-      decoys.hits += here.hits;
-      decoys.pairs += here.pairs;
-      if (here.pairs >= kFewest) largest = std::max(largest, here.hits / here.pairs);
-    }
-  }
+  const Agreement decoys = agreementOfDecoys(kFewest, largest);
   Similarity similarity;
   similarity.agreement = own.hits / std::max(own.pairs, 1.0);
   similarity.differs = own.pairs >= kFewestToDiffer && similarity.agreement < kLeastShare;

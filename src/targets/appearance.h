@@ -63,6 +63,7 @@ class Appearance {
     double pairs = 0.0;
   };
   Agreement agreementAt(int dx, int dy) const;
+  Agreement agreementOfDecoys(double fewest, double& largest) const;
   void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography, const cv::Size& size,
               const cv::Size& margin, const FramePyramid& frame);
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;

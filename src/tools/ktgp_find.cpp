@@ -182,6 +182,20 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addCommonOptions(app, arguments.force);
 }
 
+void write(const Arguments& arguments, const TargetFrame& frame,
+           const std::vector<std::string>& refused) {
+  files::Outputs outputs(arguments.force);
+  if (!arguments.json.empty()) {
+    outputs.writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2));
+  }
+  if (!arguments.draw.empty()) {
+    cv::Mat canvas;
+    drawTargets(files::readForView(arguments.image), frame.detections, canvas);
+    outputs.writeImage(arguments.draw, canvas);
+  }
+  outputs.commit();
+}
+
 int findTargets(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(kDescription);
@@ -211,16 +225,7 @@ int findTargets(int argc, char** argv) {
   }
   const TargetFrame& frame = finder.find(image);
   if (!files::isStandardOutput(arguments.json)) print(frame, arguments);
-  files::Outputs outputs(arguments.force);
-  if (!arguments.json.empty()) {
-    outputs.writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2));
-  }
-  if (!arguments.draw.empty()) {
-    cv::Mat canvas;
-    drawTargets(files::readForView(arguments.image), frame.detections, canvas);
-    outputs.writeImage(arguments.draw, canvas);
-  }
-  outputs.commit();
+  write(arguments, frame, refused);
   return isFound(frame) ? kExitDone : kExitUnusedData;
 }
 

@@ -354,6 +354,17 @@ void print(const Outcome& outcome, const PipelineOptions& options) {
   printHomography(outcome, options);
 }
 
+/// A stage that chooses matches, with their distances and, where the truth is known, their errors.
+json matchingStage(const Outcome& outcome, std::size_t i) {
+  json stage = toJson(outcome.pair.match.stages[i]);
+  stage["descriptor_distance"] = toJson(outcome.distances[i]);
+  if (!outcome.errors[i].empty()) {
+    stage["reprojection_error"] = toJson(metrics::summarize(outcome.errors[i]));
+    stage["precision_3px"] = metrics::precision(outcome.errors[i], metrics::kCorrectWithin);
+  }
+  return stage;
+}
+
 json toJson(const Outcome& outcome, const PipelineOptions& options) {
   const PairMatch& pair = outcome.pair;
   const MatchResult& result = pair.match;
@@ -369,13 +380,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
       {"refinements", json::array()},
       {"homography", nullptr}};
   for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
-    json stage = toJson(result.stages[i]);
-    stage["descriptor_distance"] = toJson(outcome.distances[i]);
-    if (!outcome.errors[i].empty()) {
-      stage["reprojection_error"] = toJson(metrics::summarize(outcome.errors[i]));
-      stage["precision_3px"] = metrics::precision(outcome.errors[i], metrics::kCorrectWithin);
-    }
-    out["stages"].push_back(std::move(stage));
+    out["stages"].push_back(matchingStage(outcome, i));
   }
   for (std::size_t i = outcome.distances.size(); i < result.stages.size(); ++i) {
     out["refinements"].push_back(toJson(result.stages[i]));
