@@ -14,7 +14,20 @@ using util::position;
 // A keypoint lies on a whole pixel of its level, so one that stands still may move by one in the
 // lower levels, where hot pixels are.
 constexpr double kStands = 0.7;  // px
-constexpr double kMoves = 1.5;   // px
+constexpr double kMoves = 1.5;   // px; the way of one pixel along both axes is 1.41
+
+/// Side of the pixels that a match lies on, px: of the coarser pyramid level of its two keypoints.
+/// Where the scene moves by less than that, its keypoints stand still or move by a whole one, all
+/// in one direction.
+double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
+  constexpr float kFinest = 31.F;  // size of a keypoint on the finest level
+  const auto size = [](const Features& features, std::int32_t index) {
+    return features.keypoints[static_cast<std::size_t>(index)].size;
+  };
+  return std::max(
+             {kFinest, size(reference, match.reference_index), size(target, match.target_index)}) /
+         kFinest;
+}
 
 double wayOf(const Features& reference, const Features& target, const Correspondence& match) {
   return (position(target, match.target_index) - position(reference, match.reference_index)).norm();
@@ -58,7 +71,8 @@ void Standing::collect(const Features& reference, const Features& target,
     const double way = wayOf(reference, target, c);
     const Eigen::Vector2d from = position(reference, c.reference_index);
     if (way < kStands) standing_.push_back(from);
-    if (way > kMoves) moving_.add(from, position(target, c.target_index), c.ratio());
+    if (way > kMoves * pixelOf(reference, target, c))
+      moving_.add(from, position(target, c.target_index), c.ratio());
   }
 }
 
