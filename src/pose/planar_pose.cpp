@@ -82,11 +82,12 @@ struct PoseProblem {
   Vector8 wanted;  // entries of the homography
   util::SmallMatrix whitening;
   Eigen::Matrix3d camera, target_from_reference;
+  int parameters = 6;  // 3: the rotation is held
 
   /// Moves by x, y, z in units of the distance, and rotates about the camera's axes, in place.
   static Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const estimation::Step& step) {
     Eigen::Isometry3d out = pose;
-    out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
+    if (step.size() > 3) out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
     out.translation() += pose.translation().z() * step.head<3>();
     return out;
   }
@@ -100,9 +101,9 @@ struct PoseProblem {
   void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
                  estimation::NormalEquations& sums) const {
     constexpr double kStep = 1e-6;  // relative: the differences are exact to 1e-10
-    Eigen::Matrix<double, 8, 6> slope;
-    for (int i = 0; i < 6; ++i) {
-      const Vector6 step = kStep * Vector6::Unit(i);
+    util::SmallMatrix slope(8, parameters);
+    for (int i = 0; i < parameters; ++i) {
+      const estimation::Step step = kStep * estimation::Step::Unit(parameters, i);
       slope.col(i) = (entriesOf(moved(pose, step)) - entriesOf(moved(pose, -step))) / (2.0 * kStep);
     }
     const Vector8 rest = entriesOf(pose) - wanted;
@@ -111,7 +112,7 @@ struct PoseProblem {
 };
 
 /// The pose that the fit finds from a start; empty if it does not converge in front of the camera.
-std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, const PoseProblem& problem) {
+std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
   rules.most_steps = 100;
   rules.converged = 1e-9;  // rad, and share of the distance
@@ -119,15 +120,49 @@ std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, const PoseProblem& pro
   estimation::RobustFit<const PoseProblem> fit;
   if (fit.minimise(problem, rules, pose) != estimation::FitEnd::converged || !isSeen(pose))
     return std::nullopt;
+  problem.parameters = 6;
+  estimation::RobustWeights weights;
+  estimation::NormalEquations sums;
+  problem.linearise(pose, weights, sums);
   Vector6 units = Vector6::Ones();
   units.head<3>().setConstant(pose.translation().z());
   PlanarPose found;
   found.target_to_camera = pose;
-  found.covariance =
-      units.asDiagonal() * estimation::inverseOf(fit.sums().squares) * units.asDiagonal();
-  found.squared_error = fit.sums().cost;
+  found.covariance = units.asDiagonal() * estimation::inverseOf(sums.squares) * units.asDiagonal();
+  found.squared_error = sums.cost;
   if (!found.covariance.allFinite()) return std::nullopt;
   return found;
+}
+
+/// Small rotation about the camera's axes from one pose to another, rad.
+Eigen::Vector3d rotationBetween(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to) {
+  const Eigen::AngleAxisd between(Eigen::Matrix3d(to * from.transpose()));
+  return between.angle() * between.axis();
+}
+
+/// Where large errors leave one minimum of the two, the other solution of IPPE still explains the
+/// homography nearly as well, and the covariance of the minimum does not reach as far. Its rotation
+/// is held.
+std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PoseProblem& problem,
+                                           const std::vector<Eigen::Isometry3d>& starts) {
+  constexpr double kReached = 11.34;  // chi-square of three degrees of freedom, 99 %
+  const Eigen::Matrix3d rotation = found.target_to_camera.linear();
+  const Eigen::Matrix3d reach =
+      util::inverseOf(Eigen::Matrix3d(found.covariance.bottomRightCorner<3, 3>()));
+  const Eigen::Isometry3d* rival = nullptr;
+  double farthest = kReached;
+  for (const Eigen::Isometry3d& start : starts) {
+    const Eigen::Vector3d turn = rotationBetween(rotation, start.linear());
+    const double distance = turn.dot(reach * turn);
+    if (distance > farthest) {
+      farthest = distance;
+      rival = &start;
+    }
+  }
+  if (rival == nullptr) return std::nullopt;
+  PoseProblem held = problem;
+  held.parameters = 3;
+  return fitFrom(*rival, held);
 }
 
 /// W with W covariance W' = I. Entries of H differ in size by five orders of magnitude, so each is
@@ -142,32 +177,46 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   return util::SmallMatrix(*whitening * deviation.cwiseInverse().asDiagonal());
 }
 
-/// Adds a pose, unless it is one that is there already. The likeliest comes first, and one that is
-/// much less likely is left out.
-void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
-  constexpr double kSame = 1e-4;         // rad
+// The scale of the errors is not known: the covariance knows neither a wrong K nor a picture of
+// another shape than the object. Its square has the prior of kPrior measurements with the claimed
+// one, so the squared error of a pose has the likelihood of Student's t distribution. A prior of
+// one gives squared errors of 3, 15 and 99 at the quantiles of 50, 75 and 90 %; the frames of a
+// real video have 5, 21 and 71.
+constexpr double kPrior = 1.0;
+constexpr double kFreedom = 2.0;  // entries of H beyond a pose's six
+
+/// Sorts two poses by their likelihood and sets their shares; one that is much less likely is left
+/// out.
+void setShares(std::vector<PlanarPose>& poses) {
   constexpr double kLeastShare = 0.001;  // share of the likelihood
-  constexpr double kFreedom = 2.0;       // entries of H beyond a pose's six
-  constexpr double kMostMisfit = 9.21;   // chi-square of two degrees of freedom, 99 %
-  if (poses.empty()) {
-    poses.push_back(pose);
-    return;
-  }
-  const Eigen::AngleAxisd between(Eigen::Matrix3d(
-      poses.front().target_to_camera.linear().transpose() * pose.target_to_camera.linear()));
-  if (std::abs(between.angle()) < kSame) return;
-  poses.push_back(pose);
+  if (poses.size() < 2) return;
   if (poses[1].squared_error < poses[0].squared_error) std::swap(poses[0], poses[1]);
-  // Where the likeliest pose fits worse than the covariance allows, the errors are larger than it
-  // says, and tell the two poses apart by less.
-  const double misfit = poses[0].squared_error;
-  const double scale = misfit > kMostMisfit ? misfit / kFreedom : 1.0;
-  const double worse = poses[1].squared_error - poses[0].squared_error;
-  poses[0].share = 1.0 / (1.0 + std::exp(-0.5 * worse / scale));
-  poses[1].share = 1.0 - poses[0].share;
+  const double ratio = (kPrior + poses[0].squared_error) / (kPrior + poses[1].squared_error);
+  poses[1].share = 1.0 - 1.0 / (1.0 + std::pow(ratio, 0.5 * (kPrior + kFreedom)));
+  poses[0].share = 1.0 - poses[1].share;
   if (poses[1].share >= kLeastShare) return;
   poses[0].share = 1.0;
   poses.pop_back();
+}
+
+/// The pose of each start, and the start itself where both lead to one pose.
+std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
+                                  const PoseProblem& problem) {
+  constexpr double kSame = 1e-4;  // rad
+  std::vector<PlanarPose> poses;
+  for (const Eigen::Isometry3d& start : starts) {
+    const auto pose = fitFrom(start, problem);
+    if (!pose) continue;
+    if (poses.empty() ||
+        rotationBetween(poses[0].target_to_camera.linear(), pose->target_to_camera.linear())
+                .norm() >= kSame) {
+      poses.push_back(*pose);
+    }
+  }
+  if (poses.size() == 1) {
+    if (const auto rival = poseOfRivalStart(poses[0], problem, starts)) poses.push_back(*rival);
+  }
+  return poses;
 }
 
 // Points all over a reference image. A rolling shutter bends the picture, and a homography is
@@ -263,9 +312,8 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     return result;
   }
   const PoseProblem problem{util::entriesOf(homography), *whitening, camera, scale};
-  for (const Eigen::Isometry3d& start : starts) {
-    if (const auto pose = fitFrom(start, problem)) add(*pose, result.poses);
-  }
+  result.poses = posesFrom(starts, problem);
+  setShares(result.poses);
   if (result.poses.empty()) {
     result.problem =
         "no pose near those of its corners has this homography: the search for it "

@@ -14,6 +14,9 @@
 namespace ktgp_orb {
 namespace {
 
+constexpr double kFreedom = 2.0;      // entries of a homography beyond a pose's six
+constexpr double kMostMisfit = 9.21;  // chi-square of two degrees of freedom, 99 %
+
 /// The numbers of points that are `apart` px or more from each other, in x or in y.
 std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
   std::vector<std::size_t> chosen;
@@ -120,8 +123,18 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
     if (!rectified) return {{}, "its pairs do not agree without the distortion"};
     found = *rectified;
   }
+  const Covariance8 noise = found.covariance;
   if (impl_->readout_time != 0.0) impl_->correctShutter(target, stamp, rows, found);
-  return planarPoses(found.homography, found.covariance, camera, target.image_size, target.width);
+  const auto posesOf = [&](const Covariance8& covariance) {
+    return planarPoses(found.homography, covariance, camera, target.image_size, target.width);
+  };
+  PlanarPoses poses = posesOf(found.covariance);
+  if (impl_->readout_time != -1.0 || poses.poses.empty()) return poses;
+  // Errors larger than claimed would all be taken for the shutter's.
+  const double misfit = poses.poses[0].squared_error;
+  if (misfit < kMostMisfit) return poses;
+  const double scale = misfit / kFreedom;
+  return posesOf(found.covariance + (scale - 1.0) * noise);
 }
 
 }  // namespace ktgp_orb
