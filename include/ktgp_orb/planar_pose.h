@@ -24,7 +24,8 @@ struct PlanarPose {
   /// Squared distance of its homography from the given one in units of the covariance, with two
   /// degrees of freedom.
   double squared_error = 0.0;
-  /// Likelihood of this pose against the other one, 0..1; 1: there is no other one.
+  /// Likelihood of this pose against the other one, 0..1; 1: there is no other one. The covariance
+  /// of the homography is taken for a guess of the scale of its errors.
   double share = 1.0;
 };
 
@@ -41,9 +42,11 @@ struct PlanarPoses {
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014), and finds from each the pose
 /// whose homography is nearest to the given one, weighted by its covariance (Levenberg-Marquardt).
-/// None for a homography that no target in front of the camera gives, without a covariance that is
-/// positive definite, and where neither start converges. Throws std::invalid_argument for an empty
-/// size, and for a width or focal length that is not positive.
+/// Where both lead to one pose, and its covariance does not reach the other solution, that one is
+/// the second pose with the rotation of IPPE. None for a homography that no target in front of the
+/// camera gives, without a covariance that is positive definite, and where neither start converges.
+/// Throws std::invalid_argument for an empty size, and for a width or focal length that is not
+/// positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);

@@ -114,8 +114,8 @@ struct PoseProblem {
 /// The pose that the fit finds from a start; empty if it does not converge in front of the camera.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
-  rules.most_steps = 100;
-  rules.converged = 1e-9;  // rad, and share of the distance
+  rules.most_steps = 300;  // large errors make them short: Gauss-Newton steps zigzag there
+  rules.converged = 1e-7;  // rad, and share of the distance
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
   if (fit.minimise(problem, rules, pose) != estimation::FitEnd::converged || !isSeen(pose))

@@ -14,7 +14,6 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kFreedom = 2.0;      // entries of a homography beyond a pose's six
 constexpr double kMostMisfit = 9.21;  // chi-square of two degrees of freedom, 99 %
 
 /// The numbers of points that are `apart` px or more from each other, in x or in y.
@@ -128,13 +127,13 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   const auto posesOf = [&](const Covariance8& covariance) {
     return planarPoses(found.homography, covariance, camera, target.image_size, target.width);
   };
-  PlanarPoses poses = posesOf(found.covariance);
-  if (impl_->readout_time != -1.0 || poses.poses.empty()) return poses;
-  // Errors larger than claimed would all be taken for the shutter's.
-  const double misfit = poses.poses[0].squared_error;
-  if (misfit < kMostMisfit) return poses;
-  const double scale = misfit / kFreedom;
-  return posesOf(found.covariance + (scale - 1.0) * noise);
+  const PlanarPoses poses = posesOf(found.covariance);
+  if (impl_->readout_time != -1.0) return poses;
+  // Errors larger than claimed would be taken for the shutter's, and may leave no minimum.
+  const PlanarPoses fitted = poses.poses.empty() ? posesOf(noise) : poses;
+  if (fitted.poses.empty()) return poses;
+  const double misfit = fitted.poses[0].squared_error / kMostMisfit;
+  return misfit > 1.0 ? posesOf(found.covariance + (misfit - 1.0) * noise) : poses;
 }
 
 }  // namespace ktgp_orb

@@ -592,5 +592,48 @@ TEST(TargetPose, LensIsTakenOutOfTheDetection) {
   EXPECT_GT(difference(without.poses[0].target_to_camera, truth).norm(), 3e-3);
 }
 
+/// Of a picture that is less tall than the object, as seen by a camera that moves to the side.
+DetectedTarget ofAnotherShape(const Passing& passing, double seconds, std::mt19937& random) {
+  constexpr double kTaller = 1.15;
+  DetectedTarget target;
+  target.id = "poster";
+  target.image_size = kReference;
+  target.width = kWidth;
+  target.age = 2;
+  target.homography = passing.seen(seconds, 0.5, random);
+  target.homography.homography.col(1) *= kTaller;
+  Eigen::Matrix<double, 8, 1> taller = Eigen::Matrix<double, 8, 1>::Ones();
+  for (const int i : {1, 4, 7}) taller(i) = kTaller;
+  for (Covariance8* covariance :
+       {&target.homography.covariance, &target.homography.shared_covariance}) {
+    *covariance = Covariance8(taller.asDiagonal() * *covariance * taller.asDiagonal());
+  }
+  return target;
+}
+
+TEST(TargetPose, AnotherShapeIsNotTakenForTheShutter) {
+  std::mt19937 random(12);
+  std::vector<double> degrees;
+  for (int i = 0; i < 100; ++i) {
+    Passing passing = Passing::sideways(0.5, 0.0, random);
+    passing.readout = 0.0;
+    TargetPose global(0.0), unknown(-1.0);
+    const DetectedTarget before = ofAnotherShape(passing, -kPeriod, random);
+    const DetectedTarget now = ofAnotherShape(passing, 0.0, random);
+    unknown.find(before, camera(), nullptr, 1'000'000'000, kRows);
+    const auto one = global.find(now, camera(), nullptr, 1'033'333'333, kRows).poses;
+    const auto other = unknown.find(now, camera(), nullptr, 1'033'333'333, kRows).poses;
+    if (one.empty() || other.empty()) continue;
+    const auto d = difference(one[0].target_to_camera, other[0].target_to_camera);
+    degrees.push_back(d.tail<3>().norm() * 180.0 / CV_PI);
+  }
+  ASSERT_GT(degrees.size(), 90U) << "with a pose, of 100";
+  std::sort(degrees.begin(), degrees.end());
+  std::printf("%zu poses, turned by %.2f degrees at the median, %.2f at 90 %%\n", degrees.size(),
+              degrees[degrees.size() / 2], degrees[degrees.size() * 9 / 10]);
+  EXPECT_LT(degrees[degrees.size() / 2], 1.0);
+  EXPECT_LT(degrees[degrees.size() * 9 / 10], 3.0);
+}
+
 }  // namespace
 }  // namespace ktgp_orb
