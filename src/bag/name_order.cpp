@@ -172,7 +172,7 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  constexpr std::size_t kRare = 20;  // one in so many
+  constexpr std::size_t kRare = 20;  // one name in this many
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
   std::size_t most = 0;

@@ -70,7 +70,7 @@ struct GroundMotion::Impl {
   int looks_away = 0;                       // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // origin of the lengths
   motion::Velocity velocity;
   motion::Relief relief;
   motion::Shutter shutter;

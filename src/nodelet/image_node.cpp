@@ -142,7 +142,7 @@ void NodeBase::tick() {
 
 /// A looped bag goes back once, which is not reported.
 void NodeBase::reportStamps() {
-  constexpr std::uint64_t kSome = 3;  // in ten seconds
+  constexpr std::uint64_t kSome = 3;  // such stamps in ten seconds
   std::string text;
   for (const char* const wrong : {ImageStamps::kZero, ImageStamps::kAgain, ImageStamps::kBack}) {
     const std::uint64_t number = diagnosis_.recent(wrong);

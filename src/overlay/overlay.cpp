@@ -262,7 +262,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   for (const Correspondence& c : result.correspondences) {
     ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
   }
-  if (result.status == Status::ok) counts.back() = result.inliers;  // guided ones, too
+  if (result.status == Status::ok) counts.back() = result.inliers;  // guided matches count, too
   const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
 
   const std::string title = headline(result, reference_size);

@@ -39,7 +39,7 @@ constexpr std::size_t kKnown = 3;  // last frames of the part before, which the 
 
 /// A point of the window, and its correction in each frame.
 struct Track {
-  Eigen::Vector2d place;  ///< without correction
+  Eigen::Vector2d place;  ///< position without correction
   Points low;
   Points high;
   Points best;

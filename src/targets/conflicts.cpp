@@ -17,7 +17,7 @@ constexpr double kLeastMove = 0.08;      // share of the side; less is the same 
 constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
 constexpr double kLeastAgreement = 0.6;  // share of the blocks
 constexpr double kLeastOverlap = 0.5;
-constexpr std::size_t kMostPlaces = 4;  // for each turn
+constexpr std::size_t kMostPlaces = 4;  // places for each turn
 
 /// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {

@@ -98,7 +98,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
 /// Whether an instance of a target with `frame` has the frame `name`: instance 1 of `door` has
 /// `door_1`, and none has `door_0` or `door_01`.
 bool isInstanceFrame(const std::string& name, const std::string& frame) {
-  const std::size_t first = frame.size() + 1;  // digit
+  const std::size_t first = frame.size() + 1;  // position of the first digit
   return name.size() > first && name.compare(0, first, frame + "_") == 0 && name[first] != '0' &&
          name.find_first_not_of("0123456789", first) == std::string::npos;
 }
@@ -108,7 +108,7 @@ struct Sequence {
   std::uint64_t number = 0;  // number of the frame, from 1
   std::size_t turn = 0;      // the keypoint from which on the next frame looks them up
   targets::Tracks tracks;
-  std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // number of the frame
+  std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // frame of the last try
 };
 
 /// The order of the search: in turn the target with most votes and the one that has waited longest.

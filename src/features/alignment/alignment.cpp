@@ -76,7 +76,7 @@ struct Alignment::Impl {
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
   double rounding2 = 0.0;                         // sum of AlignedPatch::rounding2, px²
-  std::vector<Eigen::Vector2d> reference_points;  // for each match
+  std::vector<Eigen::Vector2d> reference_points;  // point of each match in the reference
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;

@@ -29,12 +29,12 @@ struct GuidedMatcher::Impl {
   GuidedOptions options;
   knn::KnnKernel kernel = knn::bestKnnKernel();
   std::vector<cv::Point2f> places;       // predicted positions of the reference's keypoints
-  knn::NearTable table;                  // their table
+  knn::NearTable table;                  // the places, sorted for the search
   std::vector<knn::NearKeys> of_target;  // keys of the nearest two, for each target keypoint
   // For each column of the table, the key of the nearest target keypoint.
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
-  std::vector<Eigen::Vector2d> reference_points;  // for each match
+  std::vector<Eigen::Vector2d> reference_points;  // point of each match in the reference
   std::vector<Eigen::Vector2d> target_points;
 };
 
