@@ -210,7 +210,16 @@ void addCommonOptions(CLI::App& app, bool& force) {
 
 CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
                              const std::string& text) {
-  return app.add_option(name, camera, text)->delimiter(',')->expected(4)->type_name("fx,fy,cx,cy");
+  const auto read = [&camera, name](const std::string& given) {
+    const std::vector<std::string> numbers = CLI::detail::split(given, ',');
+    camera.resize(numbers.size());
+    bool is_camera = numbers.size() == 4;
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      is_camera = CLI::detail::lexical_cast(numbers[i], camera[i]) && is_camera;
+    }
+    if (!is_camera) throw CLI::ValidationError(name, given + " is no camera; expected fx,fy,cx,cy");
+  };
+  return app.add_option_function<std::string>(name, read, text)->type_name("fx,fy,cx,cy");
 }
 
 std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera) {

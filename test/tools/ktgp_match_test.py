@@ -161,7 +161,8 @@ class KtgpMatch(PairCase):
             self.assertGreater(np.median(abs(drawn[:, :, 0] - drawn[:, :, 2])), 30)
 
     def test_a_camera_that_cannot_be_used_is_refused(self):
-        for words, reason in ((("--camera", "1,2,3", "--preset", "slam"), "--camera"),
+        for words, reason in ((("--camera", "1,2,3", "--preset", "slam"), "1,2,3 is no camera; expected fx,fy,cx,cy"),
+                              (("--camera", "a,2,3,4", "--preset", "slam"), "a,2,3,4 is no camera; expected fx,fy"),
                               (("--camera", "500,500,200,150"), "--camera is of use with --geometry auto"),
                               (("--camera", "0,0,0,0", "--preset", "slam"),
                                "fx of the K of the reference camera is 0; expected"),
