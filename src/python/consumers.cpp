@@ -81,7 +81,7 @@ std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
   });
 }
 
-void defineTargetPose(py::module_& module) {
+void definePlanarPose(py::module_& module) {
   py::class_<PlanarPose>(module, "TargetPose", "Where a flat target is in the camera's frame.")
       .def_property_readonly(
           "matrix",
@@ -128,7 +128,7 @@ void defineDetectedTarget(py::module_& module) {
 }
 
 void defineTargets(py::module_& module) {
-  defineTargetPose(module);
+  definePlanarPose(module);
   defineDetectedTarget(module);
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
