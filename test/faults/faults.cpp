@@ -2,9 +2,10 @@
 // arrange:
 //   KTGP_ORB_FAIL_WRITE=K   the K-th write to a regular file fails: the disk is full, for a moment
 //   KTGP_ORB_FAIL_MARK=FILE which is then made
+//   KTGP_ORB_KILL_WRITE=K   the K-th write to a regular file kills the program
+//   KTGP_ORB_COUNT=FILE     which is given the number of these writes at the end
 //   KTGP_ORB_KILL_AT=K      the K-th call that gives a file a name, or takes one after that, kills
-//   the
-//                           program
+//                           the program
 //   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -29,12 +30,31 @@ Function* next(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
 }
 
+/// The value of a variable; 0: there is none.
+long numberIn(const char* variable) {
+  const char* text = std::getenv(variable);
+  return text == nullptr ? 0 : std::atol(text);
+}
+
+/// Writes to regular files.
+struct Writes {
+  std::atomic<long> count{0};
+  long kill_at = numberIn("KTGP_ORB_KILL_WRITE");
+  long fail_at = numberIn("KTGP_ORB_FAIL_WRITE");
+
+  ~Writes() {
+    const char* name = std::getenv("KTGP_ORB_COUNT");
+    if (name != nullptr) dprintf(creat(name, 0600), "%ld", count.load());
+  }
+};
+
 bool mustFail(int descriptor) {
-  static const char* const wanted = std::getenv("KTGP_ORB_FAIL_WRITE");
-  static std::atomic<long> left{wanted == nullptr ? 0 : std::atol(wanted)};
+  static Writes writes;
   struct stat file {};
-  if (wanted == nullptr || fstat(descriptor, &file) != 0 || !S_ISREG(file.st_mode)) return false;
-  if (--left != 0) return false;
+  if (fstat(descriptor, &file) != 0 || !S_ISREG(file.st_mode)) return false;
+  const long number = ++writes.count;
+  if (number == writes.kill_at) kill(getpid(), SIGKILL);
+  if (number != writes.fail_at) return false;
   if (const char* mark = std::getenv("KTGP_ORB_FAIL_MARK")) close(creat(mark, 0600));
   errno = ENOSPC;
   return true;
@@ -43,9 +63,8 @@ bool mustFail(int descriptor) {
 std::atomic<bool> has_named{false};  // before it, names are only tried
 
 void mayKill() {
-  static const char* const wanted = std::getenv("KTGP_ORB_KILL_AT");
-  static std::atomic<long> left{wanted == nullptr ? 0 : std::atol(wanted)};
-  if (wanted != nullptr && --left == 0) kill(getpid(), SIGKILL);
+  static std::atomic<long> left{numberIn("KTGP_ORB_KILL_AT")};
+  if (--left == 0) kill(getpid(), SIGKILL);
 }
 
 /// Offset of the wall clock, s.

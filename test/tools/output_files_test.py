@@ -1,5 +1,6 @@
 """No program destroys a file or reports a failure as success: runs ktgp_match, ktgp_evaluate and, if
 they are built, ktgp_bag and make_demo_bag."""
+import itertools
 import json
 import os
 import pathlib
@@ -110,34 +111,64 @@ class KilledRuns(OutputCase):
         self.check_killed_at_each_name(*command, *outputs, "--skip_finished", primary="out.bag",
                                        outputs=["out.bag"] + outputs[1::2])
 
+    def faults(self, **variables):
+        return dict(os.environ, LD_PRELOAD=os.environ["KTGP_ORB_FAULTS"],
+                    **{f"KTGP_ORB_{name}": str(value) for name, value in variables.items()})
+
+    def writes_of(self, *command):
+        """The number of its writes to files."""
+        self.run_tool(*command, env=self.faults(COUNT=self.folder / "count"))
+        count = int((self.folder / "count").read_text())
+        (self.folder / "count").unlink()
+        return count
+
     @unittest.skipUnless(WITH_ROS, "built without ROS")
     def test_of_a_recording_at_any_time(self):
+        """Killed at a random one of its writes: between two of them nothing changes that a second run could see."""
         command = self.make_bag() + ("--skip_finished",)
         inputs = self.names()
-        options = (("--csv", "o.csv"), ("--mosaic", "o.png"), ("--stabilize", "o.mp4"), ("--draw", "d.mp4"),
-                   ("--mosaic", "o.png", "--mosaic_poses", "p.csv"),
-                   ("--stabilize", "o.mp4", "--stabilizer_warps", "w.csv"))
+        mosaic, stabilizer = ("--mosaic", "o.png"), ("--stabilize", "o.mp4")
+        combinations = [sum(parts, ()) for parts in itertools.product(
+            ((), ("--csv", "o.csv")), ((), ("--draw", "d.mp4")),
+            ((), mosaic, mosaic + ("--mosaic_poses", "p.csv")),
+            ((), stabilizer, stabilizer + ("--stabilizer_warps", "w.csv")))]
         random_ = random.Random(5)
-        start = time.monotonic()
-        self.run_tool(*command, "--csv", "o.csv", "--mosaic", "o.png", "--stabilize", "o.mp4")
-        longest = time.monotonic() - start
-        for i in range(100 if self.ALL else 8):
-            for name in self.names() - inputs:
+        for chosen in combinations if self.ALL else random_.sample(combinations, 4):
+            outputs = {"out.bag", *chosen[1::2]}
+            writes = self.writes_of(*command, *chosen)
+            for _ in range(3 if self.ALL else 2):
+                for name in outputs:
+                    (self.folder / name).unlink()
+                kill_at = random_.randint(1, writes)
+                run = self.run_tool(*command, *chosen, code=None, env=self.faults(KILL_WRITE=kill_at))
+                where = (chosen, kill_at, writes, run.stderr)
+                self.assertEqual(run.returncode, -signal.SIGKILL, where)
+                self.run_tool(*command, *chosen)
+                self.assertEqual(self.names() - inputs, outputs, where)
+                self.run_tool(*command, *chosen, words="out.bag is finished")
+            for name in outputs:
                 (self.folder / name).unlink()
-            chosen = {}
-            for option in random_.sample(options, random_.randint(1, 4)):
-                chosen.update(zip(option[::2], option[1::2]))
-            arguments = command + tuple(word for pair in chosen.items() for word in pair)
-            for _ in range(random_.randint(1, 2)):
-                run = self.start(TOOLS / arguments[0], *arguments[1:])
-                try:
-                    run.communicate(timeout=random_.uniform(0, 1.1 * longest))
-                except subprocess.TimeoutExpired:
-                    run.kill()
-                    run.communicate()
-            self.run_tool(*arguments)
-            self.assertLessEqual({"out.bag", *chosen.values()}, self.names(), (i, arguments))
-            self.run_tool(*arguments, words="out.bag is finished")
+
+    @unittest.skipUnless(WITH_ROS, "built without ROS")
+    def test_of_a_fleet_that_xargs_runs(self):
+        """The same line of xargs does the rest after a run that was killed, and then nothing."""
+        for name in "ab":
+            self.run_tool("make_demo_bag", name + ".bag", "--seconds", "0.3")
+        line = ["xargs", "-P", "2", "-I{}", TOOLS / "ktgp_bag", "{}.bag", "{}_out.bag", "--features", "200",
+                "--mosaic", "{}.png", "--skip_finished"]
+
+        def run(**options):
+            return subprocess.run(line, input="a\nb\n", cwd=self.folder, text=True, capture_output=True,
+                                  timeout=self.timeout, check=False, **options)
+        writes = self.writes_of("ktgp_bag", "a.bag", "a_out.bag", "--features", "200", "--mosaic", "a.png")
+        for name in ("a_out.bag", "a.png"):
+            (self.folder / name).unlink()
+        self.assertNotEqual(run(env=self.faults(KILL_WRITE=writes * 3 // 4)).returncode, 0)
+        for words in ("", "is finished"):
+            again = run()
+            self.assertEqual(again.returncode, 0, again.stderr)
+            self.assertIn(words, again.stdout + again.stderr)
+            self.assertLessEqual({"a_out.bag", "a.png", "b_out.bag", "b.png"}, self.names())
 
     def test_a_limit_of_the_shell_is_said_as_a_full_disk_is(self):
         def limited():
