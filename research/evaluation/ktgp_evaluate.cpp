@@ -290,10 +290,8 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
   two_view::PoseEvaluator evaluator(arguments.pipeline, arguments.methods);
   for (const std::string& folder : arguments.data) {
     try {
-      for (const auto& pair : two_view::findPosePairs(folder, arguments.apart)) {
-        pairs.push_back(pair);
-        read.insert(read.end(), {pair.cameras, pair.reference, pair.target});
-      }
+      const auto found = two_view::findPosePairs(folder, arguments.apart, read);
+      pairs.insert(pairs.end(), found.begin(), found.end());
     } catch (const files::FileError& error) {
       problems.emplace_back(error.what());
     }

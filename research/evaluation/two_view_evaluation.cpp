@@ -387,10 +387,14 @@ std::string wrongAndCertain(const std::vector<PosePair>& pairs,
 
 }  // namespace
 
-std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart) {
+std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
+                                    std::vector<std::string>& read) {
   namespace fs = std::filesystem;
   const std::string cameras = folder + "/cameras.txt";
+  const std::string list = folder + "/pairs.txt";
+  read.insert(read.end(), {cameras, list});
   const std::vector<CameraRow> rows = readCameras(cameras);
+  for (const CameraRow& row : rows) read.push_back(folder + "/" + row.file);
   const std::string set = fs::canonical(folder).filename().string();
   std::vector<PosePair> pairs;
   const auto add = [&](std::size_t i, std::size_t j, const std::string& name) {
@@ -399,7 +403,6 @@ std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector
     PosePair pair;
     pair.set = name;
     pair.name = a.file + " " + b.file;
-    pair.cameras = cameras;
     pair.reference = folder + "/" + a.file;
     pair.target = folder + "/" + b.file;
     pair.reference_camera = a.k;
@@ -411,7 +414,6 @@ std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector
                                      : Eigen::Vector3d(Eigen::Vector3d::Zero());
     pairs.push_back(pair);
   };
-  const std::string list = folder + "/pairs.txt";
   if (fs::exists(list)) {
     std::ifstream in(list);
     for (std::size_t i = 0, j = 0; in >> i >> j;) {

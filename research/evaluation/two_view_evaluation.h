@@ -23,7 +23,6 @@ constexpr double kRightWithin = 1.5;
 struct PosePair {
   std::string set;        ///< folder and distance, e.g. "kitti_2, 3 apart"
   std::string name;       ///< the two files
-  std::string cameras;    ///< file with the truth
   std::string reference;  ///< image file
   std::string target;
   Eigen::Matrix3d reference_camera;  ///< K, px
@@ -34,8 +33,10 @@ struct PosePair {
 
 /// The pairs of row numbers in pairs.txt of `folder`, from 0; without that file, the images that
 /// are `apart` rows from each other in its cameras.txt: one row per image, `file fx fy cx cy R11
-/// R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError.
-std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart);
+/// R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError. `read` gets the names of all
+/// files of the folder, as far as they are known when something cannot be read.
+std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
+                                    std::vector<std::string>& read);
 
 /// The result of one method for one pair.
 struct PoseScore {

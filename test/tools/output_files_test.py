@@ -295,7 +295,8 @@ class EvaluateOutput(OutputCase):
                      "--force", words="is the input")
         camera = "300 300 160 120 1 0 0 0 1 0 0 0 1"
         self.write("cameras.txt", f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
-        for name in ("cameras.txt", "b.pgm"):
+        # Also where pairs.txt, a list of image files here, cannot be read as a list of rows.
+        for name in ("cameras.txt", "b.pgm", "pairs.txt"):
             self.refused("ktgp_evaluate", "--two-view", ".", "--csv", name, "--force", words="is the input")
 
     def test_too_little_memory_for_the_jobs_is_said(self):
