@@ -49,10 +49,10 @@ enum class LostBecause : std::uint8_t {
 
 /// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
 ///
-/// A frame is drawn when the view has moved by 0.03 of its width. One that is not connected
-/// is searched in the map for a second, and three frames at least, before a new map begins.
-/// Coordinates of the map are the pixels of its first frame, continued on all sides. An instance
-/// belongs to one thread at a time.
+/// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
+/// is called or the map is finished. One that is not connected is searched in the map for a second,
+/// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
+/// first frame, continued on all sides. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -110,6 +110,8 @@ struct Mosaic::Impl {
   cv::Mat grey;
   cv::Mat colour;
   cv::Mat exposed;  // colour with the brightness of the map
+  cv::Mat seen;     // the newest frame, BGR, if it is not drawn: the map ends with it
+  std::optional<Eigen::Matrix3d> seen_pose;
 
   std::optional<Eigen::Matrix3d> last;      // map -> the last frame with a known position
   std::int64_t last_stamp = 0;              // stamp of that frame
@@ -129,8 +131,9 @@ struct Mosaic::Impl {
   std::size_t maps = 0;
 
   void startMap(std::int64_t stamp, Features features) {
-    if (finished && !tiles.area().empty()) finished(tiles.image(1.0));
+    if (finished && !tiles.area().empty()) finished(image());
     tiles.clear();
+    seen_pose.reset();
     keyframes.clear();
     is_full = false;
     ++maps;
@@ -138,14 +141,20 @@ struct Mosaic::Impl {
     last.reset();
     settle(stamp, Eigen::Matrix3d::Identity());
     if (options.keyframes) keyframes.add(std::move(features), *pose);
-    draw();
+    draw(colour, *pose);
   }
 
-  void draw() {
-    drawn = *pose;
-    const Eigen::Matrix3d to_map = normalised(pose->inverse());
-    if (options.gain) colour.convertTo(exposed, CV_8UC3, tiles.gain(colour, to_map));
-    is_full = !tiles.draw(options.gain ? exposed : colour, to_map) || is_full;
+  void draw(const cv::Mat& frame, const Eigen::Matrix3d& from_map) {
+    drawn = from_map;
+    const Eigen::Matrix3d to_map = normalised(from_map.inverse());
+    if (options.gain) frame.convertTo(exposed, CV_8UC3, tiles.gain(frame, to_map));
+    is_full = !tiles.draw(options.gain ? exposed : frame, to_map) || is_full;
+    seen_pose.reset();
+  }
+
+  cv::Mat image() {
+    if (seen_pose) draw(seen, *seen_pose);
+    return tiles.image(1.0);
   }
 
   Features find() {
@@ -328,8 +337,12 @@ struct Mosaic::Impl {
     } else {
       last_features = std::move(features);
     }
-    if (!hasMoved()) return Placement::seen;
-    draw();
+    if (!hasMoved()) {
+      colour.copyTo(seen);
+      seen_pose = pose;
+      return Placement::seen;
+    }
+    draw(colour, *pose);
     return Placement::drawn;
   }
 };
@@ -401,7 +414,7 @@ std::int64_t Mosaic::firstStamp() const {
 }
 
 cv::Mat Mosaic::image() const {
-  return impl_->tiles.image(1.0);
+  return impl_->image();
 }
 
 cv::Mat Mosaic::picture(int longest) const {
@@ -461,6 +474,7 @@ bool Mosaic::hasParallax() const {
 
 void Mosaic::reset() {
   impl_->tiles.clear();
+  impl_->seen_pose.reset();
   impl_->keyframes.clear();
   impl_->path.clear();
   impl_->last.reset();

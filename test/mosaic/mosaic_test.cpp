@@ -7,6 +7,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <tuple>
@@ -422,16 +423,22 @@ TEST(Mosaic, FollowsTheHomographiesOverTilesOfAnyPeriod) {
 }
 
 TEST(Mosaic, SaysThatTheCameraHasTurnedTooFarForOnePlane) {
-  Flight flight({});
-  Placement placement = flight.go(viewAt(600, 450));
-  for (int i = 1; i <= 40 && placement != Placement::lost; ++i) {
-    placement = flight.go(tiltedAt(760, 570, 1.0, 0.0, 0.035 * i));
-    if (placement != Placement::lost) {
-      EXPECT_EQ(flight.mosaic.lostBecause(), LostBecause::nothing) << i;
+  const std::function<Eigen::Matrix3d(int)> motions[] = {
+      [](int i) { return tiltedAt(760, 570, 1.0, 0.0, 0.035 * i); },           // looks up
+      [](int i) { return tiltedAt(760, 570, 1.0, 0.5 * M_PI, 0.035 * i); },    // aside
+      [](int i) { return tiltedAt(760, 570, std::pow(1.05, i), 0.0, 0.0); }};  // comes near
+  for (const auto& view : motions) {
+    Flight flight({});
+    Placement placement = flight.go(view(0));
+    for (int i = 1; i <= 40 && placement != Placement::lost; ++i) {
+      placement = flight.go(view(i));
+      if (placement != Placement::lost) {
+        EXPECT_EQ(flight.mosaic.lostBecause(), LostBecause::nothing) << i;
+      }
     }
+    ASSERT_EQ(placement, Placement::lost);
+    EXPECT_EQ(flight.mosaic.lostBecause(), LostBecause::zoomed);
   }
-  ASSERT_EQ(placement, Placement::lost);
-  EXPECT_EQ(flight.mosaic.lostBecause(), LostBecause::zoomed);
 }
 
 TEST(Mosaic, DoesNotGuessWhichPeriodItSeesAfterALongGap) {
@@ -570,6 +577,21 @@ TEST(Mosaic, DrawsOnlyWhatMoved) {
   EXPECT_EQ(flight.go(viewAt(403, 300)), Placement::seen);
   EXPECT_EQ(flight.go(viewAt(406, 300)), Placement::seen);
   EXPECT_EQ(flight.go(viewAt(412, 300)), Placement::drawn);
+}
+
+TEST(Mosaic, TheMapEndsWhereASlowCameraStopped) {
+  for (const bool is_cut : {false, true}) {
+    MosaicOptions options = byPath();
+    options.gain = false;
+    Flight flight(options);
+    int width = 0;
+    flight.mosaic.onFinishedMap([&](const cv::Mat& map) { width = map.cols; });
+    for (int i = 0; i <= 39; ++i) flight.go(viewAt(400 + i, 300));
+    EXPECT_NEAR(flight.mosaic.area().width, 320 + 30, 1) << "drawn every 10 px";
+    if (!is_cut) width = flight.mosaic.image().cols;
+    for (int i = 0; is_cut && i < 40; ++i) flight.goLost(viewAt(900, 300));
+    EXPECT_NEAR(width, 320 + 39, 1) << is_cut;
+  }
 }
 
 TEST(Mosaic, RefusesImagesOfNoUse) {
