@@ -23,7 +23,6 @@ constexpr double kImplausibleLatency = 3600.0;  // s; stamps of another clock, n
 constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr const char* kIdle = "idle: no subscriber on any output";
 constexpr const char* kArrived = "arrived";
-constexpr const char* kDone = "frames done";
 
 double ratio(double part, double whole) {
   return whole > 0.0 ? part / whole : 0.0;

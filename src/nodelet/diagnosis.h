@@ -33,6 +33,7 @@ class Diagnosis {
   static constexpr const char* kSkipped = "skipped because of max_rate";
   static constexpr const char* kRefused = "refused";
   static constexpr const char* kRepeated = "repeated";
+  static constexpr const char* kDone = "frames done";
 
   void arrived();
   void count(const char* name, std::uint64_t number = 1);

@@ -1,9 +1,12 @@
 #include "nodelet/image_node.h"
 
 #include <malloc.h>
+
+#include <algorithm>
 #include <exception>
 
 #include "ros/image_conversion.h"
+#include "util/format.h"
 
 namespace ktgp_orb {
 namespace {
@@ -136,6 +139,7 @@ void NodeBase::tick() {
   watchInputs(stands);
   diagnosis_.tick(stands, clockIsMissing());
   reportStamps();
+  reportRepeats();
   beforeReport();
   updater_->force_update();
 }
@@ -153,6 +157,19 @@ void NodeBase::reportStamps() {
     break;
   }
   diagnosis_.setProblem("stamps", text);
+}
+
+void NodeBase::reportRepeats() {
+  constexpr double kMost = 0.1;     // share of images
+  constexpr double kByStop = 10.0;  // images: it takes 0.1 s to see that a camera has stopped
+  const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
+  const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));
+  const bool often = repeated > std::max(kByStop, kMost * images);
+  diagnosis_.setProblem("repeats",
+                        often ? util::format("images repeat: %.0f of the last %.0f are the image "
+                                             "before once more; they are no new frames",
+                                             repeated, images)
+                              : "");
 }
 
 void NodeBase::watchInputs(bool clock_stands) {

@@ -119,6 +119,7 @@ class NodeBase : public nodelet::Nodelet {
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   void reportStamps();
+  void reportRepeats();
 
   std::vector<std::unique_ptr<Input>> inputs_;
   std::vector<ros::ServiceServer> services_;

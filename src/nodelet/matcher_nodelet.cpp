@@ -26,7 +26,6 @@ constexpr const char* kReferenceLost =
     "~set_reference again, or ~reset";
 
 constexpr double kMinShare = 0.5;  // share of frames with a homography; below it there is a warning
-constexpr double kMostRepeated = 0.1;  // share of images; a camera that stops repeats one or two
 
 }  // namespace
 
@@ -255,13 +254,6 @@ void MatcherNodelet::beforeReport() {
                                                  : (found == 0.0 ? "no " : "few ") + what +
                                                        " found: " + toString(facts_.last_failure) +
                                                        (size.empty() ? "" : "; " + size));
-  const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
-  const bool often = repeated > kMostRepeated * (frames + repeated);
-  diagnosis_.setProblem("repeats",
-                        often ? util::format("images repeat: %.0f of the last %.0f are the image "
-                                             "before once more; they are no new frames",
-                                             repeated, frames + repeated)
-                              : "");
   const auto with_still_things = static_cast<double>(diagnosis_.recent(kStillThings));
   const bool are_still = !is_fixed_ && frames > 0.0 && with_still_things > kMinShare * frames;
   diagnosis_.setProblem("still", are_still ? kThingsStandStill : "");

@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -38,6 +39,7 @@ class TargetsWork {
   void restart();
 
   TargetFinder& finder() { return finder_; }
+  void change(const std::function<void(TargetFinder&)>& act);
   const TargetsConfig& config() const { return config_; }
   Pixels pixels() const { return pixelsFrom(config_.calibration, image_topic_); }
 
@@ -63,19 +65,29 @@ class TargetsWork {
 
 void TargetsWork::configure(const TargetsConfig& config) {
   config_ = config;
+  sequence_.searchAnew();
   finder_.setSearch(config.search_ms, config.smallest_side, config.max_instances);
   pose_.setReadoutTime(config.readout_time);
 }
 
+void TargetsWork::change(const std::function<void(TargetFinder&)>& act) {
+  sequence_.searchAnew();
+  act(finder_);
+}
+
 void TargetsWork::restart() {
   info_.reset();
+  sequence_ = {};
   finder_.restart();
 }
 
 void TargetsWork::search(const sensor_msgs::ImageConstPtr& image) {
   const auto start = Diagnosis::Clock::now();
   const cv::Mat grey = greyImage(image);
-  sequence_.next(image->header.stamp, grey.size(), finder_);
+  if (!sequence_.next(image, grey, finder_)) {
+    diagnosis_.count(Diagnosis::kRepeated);
+    return;
+  }
   const TargetFrame& frame = finder_.find(grey);
   const TargetDetectionsPtr message = toMessage(image->header, frame, config_.frame_prefix);
   addPoses(frame, grey.size(), info_.get(), info_topic_, pixels(), pose_, *message);
@@ -160,7 +172,7 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
   ImageInput* images_ = nullptr;
   Input* camera_info_ = nullptr;
   TargetBook book_{[this](const auto& use) {  // used only in the long queue, after the start
-    worker_.ask([&](TargetsWork& work) { use(work.finder()); });
+    worker_.ask([&](TargetsWork& work) { work.change(use); });
   }};
   ros::WallTimer load_;
   std::atomic<bool> publishes_tf_{false};

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "ros/answer_message.h"
+#include "ros/message_conversion.h"
 #include "ros/pose_message.h"
 #include "util/format.h"
 
@@ -62,10 +63,16 @@ std::string frameOf(const TargetDetection& target) {
 
 }  // namespace
 
-void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
-  if (stamp < stamp_ || image != size_) finder.restart();
+bool ImageSequence::next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey,
+                         TargetFinder& finder) {
+  const ros::Time& stamp = image->header.stamp;
+  if (last_ && repeats_.repeats(grey, stampOf(stamp), grey_, stampOf(stamp_))) return false;
+  if (stamp < stamp_ || grey.size() != size_) finder.restart();
   stamp_ = stamp;
-  size_ = image;
+  size_ = grey.size();
+  last_ = image;
+  grey_ = grey;
+  return true;
 }
 
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,

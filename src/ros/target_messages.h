@@ -3,6 +3,7 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <ktgp_orb/TargetDetections.h>
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
 #include <visualization_msgs/MarkerArray.h>
 
@@ -12,17 +13,24 @@
 #include "ktgp_orb/target_finder.h"
 #include "ktgp_orb/target_pose.h"
 #include "ros/camera.h"
+#include "sequence/repeats.h"
 
 namespace ktgp_orb {
 
 /// Tells a TargetFinder to forget what it follows where a sequence of images ends: a looped bag, or
-/// another camera.
+/// another camera. Knows images that repeat the one before, from which a velocity would be wrong.
 class ImageSequence {
  public:
-  /// To be called before each search.
-  void next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder);
+  /// To be called before each search. `grey`: the pixels of the image. False: it repeats the one
+  /// before and is no new frame, see sequence::Repeats.
+  bool next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey, TargetFinder& finder);
+  /// The next image is a new frame in any case: other targets are searched.
+  void searchAnew() { last_.reset(); }
 
  private:
+  sequence::Repeats repeats_;
+  sensor_msgs::ImageConstPtr last_;  // owns the pixels of grey_
+  cv::Mat grey_;
   ros::Time stamp_;
   cv::Size size_;
 };

@@ -75,7 +75,7 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
 TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
   if (input_.path.empty()) return nullptr;
   const cv::Mat grey = greyImage(image);
-  sequence_.next(image->header.stamp, grey.size(), finder_);
+  if (!sequence_.next(image, grey, finder_)) return nullptr;
   const TargetFrame& frame = finder_.find(grey);
   TargetDetectionsPtr message = toMessage(image->header, frame);
   addPoses(frame, grey.size(), info_ ? &*info_ : nullptr, info_topic_, pixels_, pose_, *message);

@@ -37,7 +37,8 @@ class BagTargets {
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
-  /// The message of the nodelet's ~detections; null if nothing was wanted. Throws RefusedImage.
+  /// The message of the nodelet's ~detections; null if nothing was wanted, or if
+  /// the image repeats the one before. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
   /// The outcome in a line for users; empty if nothing was wanted.
   std::string report() const;

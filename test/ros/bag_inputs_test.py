@@ -257,11 +257,11 @@ class BagMotionInputsTest(FolderCase):
         message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), 'camera'
         return message
 
-    def record(self, beside, stamp_of=lambda seconds: seconds, images=views(COUNT)):
+    def record(self, beside, stamp_of=lambda seconds: seconds, images=views(COUNT), rate=30):
         """The images with their camera_info, and `beside`: (arrival, topic, message)."""
         messages = list(beside)
         for i, picture in enumerate(images):
-            arrival = 1000 + i / 30
+            arrival = 1000 + i / rate
             image = image_message(picture, rospy.Time.from_sec(stamp_of(arrival)))
             info = calibration(5 * [0.0])
             info.header = image.header
@@ -270,9 +270,10 @@ class BagMotionInputsTest(FolderCase):
             for arrival, topic, message in sorted(messages, key=lambda each: each[0]):
                 bag.write(topic, message, rospy.Time.from_sec(arrival))
 
-    def check(self, *options, least=COUNT - 2, source=('--motion_height_source', 'parameter', '--motion_height', 2.0)):
+    def check(self, *options, least=COUNT - 2, source=('--motion_height_source', 'parameter', '--motion_height', 2.0),
+              **expected):
         run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--force', '--motion', 'm.csv',
-                               *source, *options, code=None)
+                               *source, *options, code=None, **expected)
         speeds = [float(row['vx']) ** 2 + float(row['vy']) ** 2 for row in self.table('m.csv') if row['vx']]
         self.assertGreaterEqual(len(speeds), least, run.stderr)
         np.testing.assert_allclose(np.sqrt(speeds), self.SPEED, rtol=0.05)
@@ -298,6 +299,14 @@ class BagMotionInputsTest(FolderCase):
         back = [(1000.3, '/camera/range', self.range_at(100.0))]
         self.record(self.mount() + ranges + back)
         self.check(source=('--motion_height_source', 'range'))
+
+    def test_images_that_come_twice_count_once(self):
+        """At 60/s, as a driver sends them that publishes each image with two stamps."""
+        pictures = views(self.COUNT // 2 + 1)
+        for first in (0, 1):
+            images = [pictures[(i + first) // 2] for i in range(self.COUNT)]
+            self.record(self.mount(), images=images, rate=60)
+            self.check(least=self.COUNT // 2 - 3, words='images repeat the one before, and are no new frames')
 
     def test_tf_has_any_of_its_names(self):
         old = generate_dynamic('tf/tfMessage', TFMessage._full_text)['tf/tfMessage']

@@ -44,7 +44,7 @@ class PoseTest(TargetsCase):
         stamp = self.camera.next_stamp()
         info.header.stamp = stamp
         self.info.publish(info)
-        self.camera.send(image_message(picture, stamp))
+        self.camera.send(image_message(self.camera.noisy(picture), stamp))
         message = self.detections.wait_for(stamp)
         poster, = message.detections
         self.assertEqual((poster.id, poster.instance, poster.status, poster.frame, message.known, poster.has_pose),

@@ -16,6 +16,20 @@ from visualization_msgs.msg import MarkerArray
 OTHER = texture(300, 400, seed=11)
 
 
+READOUT, ROWS = 0.02, 480  # s, of a rolling shutter
+VELOCITY, TURN = np.array([0.3, 0.3, 0.27]), np.radians([20.0, 20.0, -10.0])  # of the poster, per s
+
+
+def pose_at(seconds):
+    return cv2.Rodrigues(TURN * seconds)[0] @ ROTATION, POSITION + VELOCITY * seconds
+
+
+def view_at(seconds):
+    """By a rolling shutter."""
+    poses = [pose_at(seconds + READOUT * (row / ROWS - 0.5)) for row in range(ROWS)]
+    return rendered(K, rotation=np.array([r for r, _ in poses]), position=np.array([p for _, p in poses]))
+
+
 def now():
     return rospy.Time(1)
 
@@ -39,31 +53,39 @@ class TargetsTest(TargetsCase):
 
     def test_pose_before_a_rolling_shutter_is_that_of_the_middle_row(self):
         """A camera at 0.5 m/s and 30 degrees/s, whose rows are read in 20 ms."""
-        readout, rows = 0.02, 480
-        velocity, turn = np.array([0.3, 0.3, 0.27]), np.radians([20.0, 20.0, -10.0])
-
-        def pose_at(seconds):
-            return cv2.Rodrigues(turn * seconds)[0] @ ROTATION, POSITION + velocity * seconds
-
-        def view_at(seconds):
-            poses = [pose_at(seconds + readout * (row / rows - 0.5)) for row in range(rows)]
-            return rendered(K, rotation=np.array([r for r, _ in poses]), position=np.array([p for _, p in poses]))
         self.info.publish(information())
         self.addCleanup(self.client.update_configuration, {'readout_time': -1.0})
         self.send_until(rendered(K), lambda m: m.detections and m.detections[0].has_pose, 'the calibration is there')
         views = [0.033 * i for i in range(6)]
         pictures = [view_at(seconds) for seconds in views]
         errors = {}
-        for time in (0.0, -1.0, readout):
+        for time in (0.0, -1.0, READOUT):
             self.client.update_configuration({'readout_time': time})
             poses = [self.send(picture).detections[0].pose for picture in pictures]
             errors[time] = [pose_errors(pose, *pose_at(seconds)) for pose, seconds in list(zip(poses, views))[2:]]
             print('readout_time %.3f: %s' % (time, errors[time]))
-        for time in (-1.0, readout):
+        for time in (-1.0, READOUT):
             for (bent, bent_degrees, _), (metres, degrees, deviations) in zip(errors[0.0], errors[time]):
                 self.assertLess(metres, 0.25 * bent)
                 self.assertLess(degrees, 0.25 * bent_degrees)
                 self.assertLess(deviations, 2 * CHI_SQUARE)
+
+    def test_images_that_come_twice_have_one_answer(self):
+        """By two stamps for one picture, the target would stand still or have twice its speed."""
+        self.info.publish(information())
+        self.addCleanup(self.client.update_configuration, {'readout_time': -1.0})
+        self.client.update_configuration({'readout_time': READOUT})
+        again = []
+        for i in range(8):
+            picture = view_at(0.066 * i)
+            poster, = self.send(picture).detections
+            metres, _, deviations = pose_errors(poster.pose, *pose_at(0.066 * i))
+            again.append(self.camera.send(image_message(picture, self.camera.next_stamp())))
+            if i > 2:
+                self.assertLess(metres, 0.002)
+                self.assertLess(deviations, 2 * CHI_SQUARE)
+        self.send(view_at(0.55))
+        self.assertFalse([stamp for stamp in again if self.detections.with_stamp(stamp)])
 
     def test_tf_markers_and_picture(self):
         self.info.publish(information())
