@@ -56,14 +56,14 @@ class DiagnosticsTest(MatcherCase):
     def test_a_covered_camera_is_in_the_log_too(self):
         log = Log(self)
         self.picture = np.zeros_like
-        self.wait_for('matcher', WARN, 'no homography found: too_few_features')
-        log.wait_for_words('no homography found: too_few_features')
+        self.wait_for('matcher', WARN, 'no homographies found: too_few_features')
+        log.wait_for_words('no homographies found: too_few_features')
 
     def test_matcher(self):
         noise = np.random.RandomState(1)
         self.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
         self.wait_for('matcher', WARN, 'few homographies')
-        self.wait_for('matcher', WARN, 'no homography')  # a robot in front of a wall is not an error
+        self.wait_for('matcher', WARN, 'no homographies')  # a robot in front of a wall is not an error
         self.picture = lambda pixels: noise.randint(0, 256, (60, 2600), np.uint8)
         self.wait_for('matcher', WARN, 'the images are 2600 px long; made 1000 to 2500 px long first')
 

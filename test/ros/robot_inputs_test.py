@@ -53,18 +53,17 @@ class InputsTest(MatcherCase):
         self.call('reset')
         self.position = 100
 
+    def move(self):
+        """The camera, back to the left at the edge of the picture."""
+        self.position = 100 + (self.position - 100 + STEP) % 480
+
     def send_view(self, text=False):
         """Of the next view, with text that does not move."""
-        self.position = 100 + (self.position - 100 + STEP) % 480
+        self.move()
         pixels = view(self.position, 100, WIDTH, HEIGHT)
         if text:
             pixels[:, :TEXT.shape[1]] = TEXT
         return self.send(pixels)
-
-    def send_again(self, pixels):
-        """The same view with other noise, which is a new frame."""
-        self.noise = 1 - getattr(self, 'noise', 0)
-        return self.send(pixels ^ self.noise)
 
     def send_until_changed(self, before, send=None):
         """Sends images until one is processed with a newer configuration."""
@@ -156,7 +155,7 @@ class InputsTest(MatcherCase):
     def send_distorted(self):
         """The next view through a lens, with its camera_info."""
         stamp = self.camera.next_stamp()
-        self.position += STEP
+        self.move()
         info = poster.information(distortion=LENS)
         info.header.stamp = stamp
         self.info.publish(info)
@@ -211,7 +210,7 @@ class InputsTest(MatcherCase):
             def send():
                 info.header.stamp = self.camera.next_stamp()
                 self.info.publish(info)
-                self.position += STEP
+                self.move()
                 stamp = self.camera.send(image_message(view(self.position, 100), info.header.stamp))
                 return self.homography.wait_for(stamp).rectified
             self.diagnostics.wait_for_words(words, send)
@@ -225,11 +224,11 @@ class InputsTest(MatcherCase):
 
     def test_a_reference_from_a_topic(self):
         self.client.update_configuration({'reference_mode': 'fixed', 'gms_scale': True})
-        self.assertEqual(self.send_again(view(200, 150)).reason, MatchStatus.REASON_NOT_SET)
-        before = self.send_again(view(200, 150)).configuration
+        self.assertEqual(self.send(view(200, 150)).reason, MatchStatus.REASON_NOT_SET)
+        before = self.send(view(200, 150)).configuration
         self.reference.publish(image_message(view(300, 200, 320, 240), rospy.Time(7)))
-        self.send_until_changed(before, lambda: self.send_again(view(200, 150)))
-        statistics = self.send_again(view(200, 150))
+        self.send_until_changed(before, lambda: self.send(view(200, 150)))
+        statistics = self.send(view(200, 150))
         self.assertEqual((statistics.status, statistics.reference_stamp), (OK, rospy.Time(7)))
         for measured, true in zip(translation(self.homography.wait_for(
                 statistics.header.stamp)), (100, 50)):
@@ -238,10 +237,10 @@ class InputsTest(MatcherCase):
         self.reference.publish(image_message(np.zeros((9, 9), np.float32), rospy.Time(8), '32FC1'))
         self.log.wait_for_words('the reference on /camera/matcher/reference is refused')
         self.call('reset')
-        self.assertEqual(self.send_again(view(200, 150)).reference_stamp, rospy.Time(7))
-        before = self.send_again(view(200, 150)).configuration
+        self.assertEqual(self.send(view(200, 150)).reference_stamp, rospy.Time(7))
+        before = self.send(view(200, 150)).configuration
         self.reference.publish(Image())  # none any more
-        last = self.send_until_changed(before, lambda: self.send_again(view(200, 150)))
+        last = self.send_until_changed(before, lambda: self.send(view(200, 150)))
         self.assertEqual(last.reason, MatchStatus.REASON_NOT_SET)
 
     def test_a_pipe_as_an_image_file_does_not_block(self):

@@ -74,8 +74,8 @@ class MotionTest(unittest.TestCase):
 
     @classmethod
     def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False, sensor='camera',
-             turn=0.0):
-        """One frame of the ground, with its readings before it."""
+             turn=0.0, still=False):
+        """One frame of the ground, with its readings before it. still: the picture of the frame before."""
         stamp = stamp or cls.camera.next_stamp()
         height = next(height) if isinstance(height, itertools.cycle) else height
         cls.infos.publish(calibration(stamp, width))
@@ -92,7 +92,7 @@ class MotionTest(unittest.TestCase):
             cls.imus.publish(message)
         below = (0, 0, LEVER[2] - HEIGHT)  # a child of the base, which has odom as its parent
         cls.tf.publish(TFMessage([transform('base_link', 'ground', below, stamp, STILL)]))
-        cls.frames += 1
+        cls.frames += 0 if still else 1
         step = cls.frames % 60
         step = min(step, 60 - step)  # there and back
         pixels = view(100 + STEP[0] * step, 100 + STEP[1] * step)
@@ -124,11 +124,13 @@ class MotionTest(unittest.TestCase):
                    'the log says: ' + words)
 
     def diagnosed(self, words, name='ground_motion', **options):
-        """In the diagnostics, while frames go on."""
+        """In the diagnostics, while frames go on. name: of a ground motion, or of any task."""
+        task = name if ': ' in name else name + ': motion'
+
         def found():
             self.send(**options)
             rospy.sleep(0.05)
-            return any(words in s.message for s in self.diagnostics.of(name + ': motion', -8))
+            return any(words in s.message for s in self.diagnostics.of(task, -8))
         wait_until(found, '%s says: %s' % (name, words))
 
     def test_1_velocity_is_in_metres_from_every_source(self):
@@ -261,14 +263,67 @@ class MotionTest(unittest.TestCase):
         self.assertGreater(after.pose.covariance[0], before.pose.covariance[0] + 0.1)
         self.said('the odometry goes on after')
 
+    def test_7_a_simulated_camera_that_stands_still_has_a_velocity_of_zero(self):
+        """Its images have no noise, so that each is that of the frame before."""
+        self.twist_after('ground_motion')
+        twists = self.twists['ground_motion']
+        before, log = len(twists.messages()), len(self.log.messages())
+        twist = self.twist_after('ground_motion', 60, still=True).twist
+        self.assertGreater(len(twists.messages()) - before, 40)
+        speed = np.hypot(twist.twist.linear.x, twist.twist.linear.y)
+        self.assertLess(speed, 0.01)
+        self.assertLess(np.sqrt(twist.covariance[0]), 0.05)
+        said = [m.msg for m in self.log.messages()[log:]]
+        self.assertFalse([words for words in said if 'repeat' in words or 'nothing is published' in words])
+
+    def test_7_images_that_come_twice_are_half_as_many(self):
+        """A driver that sends each of them with two stamps."""
+        self.twist_after('ground_motion')
+        start = None
+        for i in range(60):
+            stamp = self.send(still=i % 2 == 1)
+            start = start or stamp
+            rospy.sleep(0.05)
+        self.diagnosed('images repeat', 'matcher: matcher', still=True)
+        twists = [m for m in self.twists['ground_motion'].messages() if start < m.header.stamp <= stamp]
+        self.assertGreater(len(twists), 15)
+        speeds = [np.hypot(m.twist.twist.linear.x, m.twist.twist.linear.y) for m in twists[5:]]
+        self.assertAlmostEqual(np.median(speeds), np.hypot(*STEP) / METRE / PERIOD / 2, delta=0.02)
+
+    def test_8_a_mount_on_tf_that_comes_after_its_image_is_waited_for(self):
+        """A gimbal, whose transforms are half as many as the images."""
+        topics = ['%s:=/camera/%s' % (name, name if name != 'match' else 'matcher/match')
+                  for name in ('camera_info', 'match')]
+        with node('GroundMotion', 'by_gimbal', 'image:=/camera/image_raw', *topics, '_height_source:=parameter',
+                  '_height:=%s' % HEIGHT, '_base_frame:=gimbal', '_normal_source:=down', '_max_age:=1.0') as gimbal:
+            twists = Recorder('/by_gimbal/twist', TwistWithCovarianceStamped, self)
+            wait_until(twists.publishers, 'it runs')
+
+            def send(pairs):
+                for _ in range(pairs):
+                    self.send()
+                    rospy.sleep(0.05)
+                    stamp = self.send()
+                    rospy.sleep(0.05)
+                    self.tf.publish(TFMessage([transform('camera', 'gimbal', (0, 0, 0), stamp)]))
+            wait_until(lambda: send(1) or twists.messages(), lambda: 'a twist comes: ' + gimbal.output())
+            before = len(twists.messages())
+            send(30)
+            wait_until(lambda: len(twists.messages()) - before >= 50, lambda: 'nearly all come: ' + gimbal.output())
+
     def test_8_a_clock_that_jumps_restarts(self):
         self.twist_after('ground_motion')
+        last = self.camera.last_stamp()
         self.camera._stamp -= rospy.Duration(200.0)
         self.send()
-        self.said('the stamp went back: the odometry begins anew')
-        self.twist_after('ground_motion', 14)
-        odometry = self.odometry['ground_motion'].messages()[-1].pose.pose.position
-        self.assertLess(abs(odometry.x), 2.0)
+        self.said('the stamp went back: the frame is left out')
+
+        def newest():
+            self.send()
+            rospy.sleep(0.05)
+            return self.odometry['ground_motion'].messages()[-1]
+        wait_until(lambda: newest().header.stamp < last, 'the odometry begins anew')
+        self.assertLess(abs(newest().pose.pose.position.x), 2.0)
         self.camera._stamp += rospy.Duration(1000.0)
         self.twist_after('ground_motion', 14)
 

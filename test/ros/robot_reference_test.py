@@ -29,7 +29,7 @@ SEQUENCES = {
     'repeated': ((20.0, RESET), (20.0, NONE), (20.0, NONE), (20.1, NONE)),
     'going back': ((30.0, RESET), (30.1, NONE), (29.9, BACK), (30.0, NONE)),
     'zero': ((0.0, RESET), (0.0, NONE), (0.0, NONE)),
-    'zero in between': ((40.0, RESET), (40.1, NONE), (0.0, BACK), (40.2, GAP), (40.3, NONE)),
+    'zero in between': ((40.0, RESET), (40.1, NONE), (0.0, BACK), (40.2, NONE), (40.3, NONE)),
     'jumping ahead': ((50.0, RESET), (50.1, NONE), (52.0, GAP), (52.1, NONE)),
     'a century ahead and back': ((60.0, RESET), (LAST, GAP), (LAST, NONE), (60.1, BACK),
                                  (60.2, NONE)),

@@ -149,8 +149,27 @@ TEST(Repeats, OtherOptionsMatchTheSameImageAnew) {
   EXPECT_TRUE(matcher.match(test::viewAt(0, 20), 1.01).repeated);
   matcher.setOptions(sequenceOf(ReferenceMode::keyframe));
   EXPECT_FALSE(matcher.match(test::viewAt(0, 20), 1.02).repeated);
-  matcher.restart();
+  matcher.fixNextFrame();
   EXPECT_FALSE(matcher.match(test::viewAt(0, 20), 1.03).repeated);
+  matcher.setFixedReference(nullptr);
+  EXPECT_FALSE(matcher.match(test::viewAt(0, 20), 1.04).repeated);
+  matcher.restart();
+  EXPECT_FALSE(matcher.match(test::viewAt(0, 20), 1.05).repeated);
+}
+
+// A recording that is played in a loop, at a place where the camera stood still.
+TEST(Repeats, TheSameImageWithAStampThatWentBackIsANewFrame) {
+  SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
+  for (const double start : {50.0, 10.0}) {
+    for (int i = 0; i < 30; ++i) {
+      const SequenceMatch& match = matcher.match(test::viewAt(0, 20), start + i / 30.0);
+      EXPECT_FALSE(i == 0 && match.repeated);
+      EXPECT_FALSE(i > 4 && match.repeated) << i;
+      if (i > 5) {
+        EXPECT_EQ(match.match.status, Status::ok) << start << " " << i;
+      }
+    }
+  }
 }
 
 // One stamp of a driver is wrong: the frames around it stay connected.
