@@ -33,7 +33,7 @@ class FramePath {
     std::int64_t stamp = 0;
     Eigen::Matrix3d to_newest = Eigen::Matrix3d::Identity();  ///< frame -> newest frame
   };
-  /// Oldest first.
+  /// The frames, oldest first.
   const std::deque<Step>& steps() const { return steps_; }
 
  private:

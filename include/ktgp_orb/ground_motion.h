@@ -74,7 +74,7 @@ struct GroundMotionOptions {
   /// no frame is connected; then also of the angular acceleration, rad/s², >= 0.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
-  /// Nothing is known before the normal is known better than this, rad, > 0.
+  /// The motion is unknown until the normal is known better than this, rad, > 0.
   double max_tilt_deviation = 0.1;
 };
 
@@ -93,16 +93,17 @@ enum class GroundStatus : std::uint8_t {
   /// looped recording, or a clock that was set.
   stamp_went_back = 8,
   not_finite = 9,  ///< numbers too large to compute with: everything begins anew
-  /// The camera looks above the horizon: by normals again and again, or no picture says otherwise.
+  /// The camera looks above the horizon: normals say so again and again, or no picture contradicts
+  /// one.
   looks_away = 10,
 };
 
 /// The enumerator's own name, e.g. "no_height".
 const char* toString(GroundStatus status);
 
-/// How an Imu is mounted and stamped, as far as its readings differ from the rotation that the
-/// pictures show. Deviations are standard deviations; what the motion does not show has the value 0
-/// and an infinite one.
+/// Errors of the mounting, the stamps and the angular velocity of an Imu, by the difference of its
+/// readings from the rotation that the pictures show. Deviations are standard deviations; a value
+/// that the motion does not show is 0, with an infinite deviation.
 struct ImuMounting {
   /// Rotation from the stated mounting of the Imu to the true one: a turn about the axes of the
   /// base by its length, rad. Not found beyond 0.35 rad.
@@ -114,8 +115,8 @@ struct ImuMounting {
   /// Bias of the angular velocity, in the base frame, rad/s; subtract it.
   Eigen::Vector3d bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_deviation = Eigen::Vector3d::Zero();
-  /// By which share of it the angular velocity is too large. A wrong focal length of the camera
-  /// looks like it, but about the optical axis.
+  /// Relative error of the angular velocity; above 0, it is too large. A wrong focal length of the
+  /// camera looks like it, but about the optical axis.
   double scale_error = 0.0;
   double scale_error_deviation = 0.0;
 };
@@ -143,10 +144,10 @@ struct GroundEstimate {
   double height = 0.0;          ///< camera above the ground, m
   double tilt_deviation = 0.0;  ///< standard deviation of the normal about one axis, rad
   double gap = 0.0;             ///< s without connection, before a frame with status resumed
-  /// By how many standard deviations a given reading differs from what the homography and the
-  /// earlier readings predict, and the homography from what a flat ground and they predict. Beyond
-  /// kContradiction it hardly counts. A normal's deviation is the given one, or what normals
-  /// scatter by to all sides, if that is more (up to ten times). 0: not given.
+  /// Misfits in standard deviations: of a given reading, from the prediction by the homography and
+  /// the earlier readings; of the homography, from the prediction by flat ground and these
+  /// readings. Beyond kContradiction a reading hardly counts. The deviation of a normal is the
+  /// given one, or the scatter of the normals, if that is more (up to ten times). 0: not given.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
@@ -175,10 +176,10 @@ struct GroundEstimate {
 /// its covariance. The homography H from the keyframe to a frame is then that of the frame's pose,
 /// H ~ M(pose) G, which is R + t n'/d for the plane seen from the keyframe (Malis & Vargas 2007;
 /// Hartley & Zisserman 2004, ch. 13). The most likely pose is found by Gauss-Newton over the six
-/// parameters of the pose, together with those of G and of the previous pose. H counts with its
-/// covariance, and the readings with theirs. What the readings say about the scale and the tilt
-/// stays in G and passes from keyframe to keyframe, so errors of single readings average out. A
-/// normal that is not given follows from the motion.
+/// parameters of the pose, together with those of G and of the previous pose. H and the readings
+/// are weighted by their covariances. The scale and the tilt from the readings stay in G and pass
+/// from keyframe to keyframe, so errors of single readings average out. A normal that is not given
+/// follows from the motion.
 ///
 /// A good half of the noise of H comes from the image of the keyframe, and is the same in all
 /// homographies from it. It belongs to G.

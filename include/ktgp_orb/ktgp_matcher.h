@@ -142,11 +142,10 @@ struct MatchResult {
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 
-  /// PROSAC's homography, or the grown one, or what guided matching and alignment made of it; zero
-  /// unless homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` belong
-  /// to this homography: a correspondence that passed GMS has Level::ktgp exactly when its
-  /// reprojection error is below ProsacOptions::max_error. What PROSAC itself found is in `prosac`
-  /// and `stages`.
+  /// PROSAC's homography or the grown one, refined by guided matching and alignment; zero unless
+  /// homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` belong to this homography: a
+  /// correspondence that passed GMS has Level::ktgp exactly when its reprojection error is below
+  /// ProsacOptions::max_error. What PROSAC itself found is in `prosac` and `stages`.
   UncertainHomography answer;
   std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
   double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px

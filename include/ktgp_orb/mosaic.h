@@ -98,7 +98,7 @@ class Mosaic {
   /// How far the points of the newest frames are from the plane of their keyframes, px: running
   /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
   double planeDeviation() const;
-  /// Whether that is so much that what is near or high is drawn several times.
+  /// Whether that is so large that near or high things are drawn several times.
   bool hasParallax() const;
 
   void reset();

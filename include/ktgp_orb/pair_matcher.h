@@ -26,7 +26,7 @@ struct PairMatch {
   Features reference;
   Features target;
   int max_features = 0;  ///< most keypoints per image, after PairOptions::features_by_area
-  double reference_milliseconds = 0.0;  ///< to find the features
+  double reference_milliseconds = 0.0;  ///< time to find the features
   double target_milliseconds = 0.0;
   MatchResult match;
 };

@@ -33,7 +33,7 @@ struct PlanarPoses {
   /// None, one, or two, the likelier one first: seen nearly from the front, and from afar, a plane
   /// that tilts to the left looks as if it tilted to the right.
   std::vector<PlanarPose> poses;
-  std::string problem;  ///< why there is none
+  std::string problem;  ///< why there is no pose
 };
 
 /// The poses from the homography reference image -> camera image and its covariance (see
@@ -61,10 +61,10 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// `readout_time` between -1 and 0: the last row is exposed first, as in pictures that the driver
 /// turns by 180 degrees; -1: it is not known. Then the homography is that of `now`, and its
 /// covariance has a readout time of 0 +- 10 ms. planarPoses() needs only six of the eight numbers,
-/// so it takes little of what the shutter bends for a pose, and its covariance has the rest.
-/// Returns `now` where one of the two does not show all of the reference image, and where the time
-/// between them is too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of
-/// 0 or less, and a `readout_time` that is not a number.
+/// so the bending by the shutter changes the pose little, and its covariance contains that. Returns
+/// `now` where one of the two does not show all of the reference image, and where the time between
+/// them is too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of 0 or
+/// less, and a `readout_time` that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

@@ -59,8 +59,8 @@ enum class ProsacStop : std::uint8_t {
 /// a program built with another one would read the results at other addresses.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
-/// The answer of whatever finds a homography, and a member of its result: the homography and its
-/// uncertainty. Initially zero: there is none.
+/// A homography and its uncertainty: the answer of everything that finds one, and a member of its
+/// result. Initially zero: there is none.
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();

@@ -83,9 +83,9 @@ struct Frame {
   /// Moves points of `image` to the pixels of `camera`; null: they are there.
   LensConstPtr camera_lens;
   Features features;
-  /// For each keypoint a number, >= 1, that no other keypoint of the sequence has but those that it
-  /// is matched to from frame to frame: a final match continues the track of its reference
-  /// keypoint. Set by SequenceMatcher::match; empty before.
+  /// A track number, >= 1, for each keypoint: a final match continues the track of its reference
+  /// keypoint; every other keypoint begins a new track. Set by SequenceMatcher::match; empty
+  /// before.
   std::vector<std::uint64_t> tracks;
   /// Options that `features` were found with. If the matcher needs others, the features
   /// are found again in a new frame of the same image; this frame does not change. Without an image

@@ -46,8 +46,8 @@ struct TargetFinderOptions {
   /// Images that each image of a target is searched as: 1: itself, at full, half and quarter size;
   /// 5: also four views of it with a tilt of 2, at all these sizes.
   int views = 5;
-  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. All that
-  /// counts is whether it is below 80. Then the frame is made larger before the extraction: about
+  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. It only
+  /// matters whether it is below 80. Then the frame is made larger before the extraction: about
   /// half of the targets of 45 px are found. It is made twice as large, but at most 2500 px long,
   /// and not if this is less than 1.25 times as large. A frame below 480 px is made up to four
   /// times as large: in one of 160 px half of the targets of 18 px are found. This takes a multiple

@@ -58,7 +58,7 @@ struct TwoViewOptions {
   /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
   /// geometry.
   double shared_error = 0.0;
-  /// With a shared_error that real cameras have.
+  /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
   bool alignment = true;  ///< TwoViewMatcher: points from the images, where there are images
 };

@@ -53,7 +53,6 @@ bool isOf(const Topic& topic) {
 /// The times of the messages of each connection.
 using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
 
-/// A chunk of messages in the file.
 struct Chunk {
   std::size_t position;     ///< byte in the file where its record begins
   std::size_t data;         ///< begin of its data
@@ -65,7 +64,6 @@ struct Chunk {
   bool index_damaged = false;
 };
 
-/// A message in a chunk.
 struct Message {
   std::uint32_t connection;
   ros::Time time;
@@ -102,7 +100,7 @@ class BagFile {
 
  private:
   struct ChunkInfo {
-    std::size_t chunk;  ///< its position
+    std::size_t chunk;  ///< position of the chunk
     std::optional<ros::Time> start;
     std::optional<ros::Time> end;
     std::map<std::uint32_t, std::size_t> counts;

@@ -31,7 +31,7 @@ struct Record {
   Operation operation;
   Fields fields;
   std::size_t data;       ///< bytes from the beginning of the record to its data
-  std::size_t data_size;  ///< bytes of it, according to the record; the file may have fewer
+  std::size_t data_size;  ///< bytes of the data, according to the record; the file may have fewer
 };
 
 /// Longest header of a record, bytes; a longer one is damage.

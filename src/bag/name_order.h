@@ -5,9 +5,9 @@
 
 namespace ktgp_orb::bag {
 
-/// Sorts names of files by the numbers in them: "img2" before "img10", "-0.5" before "0.25",
-/// "9.95" before "10.1". Whether "1.10" is a decimal or two counts is what all names together say:
-/// counts have no zeros in front, and decimals that vary in length have none at their ends.
+/// Sorts names of files by the numbers in them: "img2" before "img10", "-0.5" before "0.25", "9.95"
+/// before "10.1". All names together decide whether "1.10" is a decimal or two counts: counts have
+/// no leading zeros, and decimals of different lengths have no trailing ones.
 void sortByNumbers(std::vector<std::string>& files);
 
 /// The names of `files` whose texts between the numbers are like those of almost no other file, for

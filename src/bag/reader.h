@@ -32,7 +32,7 @@ struct RecordedMessage {
 
   const std::string& topic() const { return topics.begin()->name; }
 
-  /// Null if it is of another type, or damaged.
+  /// The message; null if it has another type, or is damaged.
   template <typename Message>
   boost::shared_ptr<Message> as() const {
     const std::string type = ros::message_traits::datatype<Message>();
@@ -69,7 +69,7 @@ class BagMessages {
 
   /// The next readable message; empty at the end.
   std::optional<RecordedMessage> next();
-  /// The message that was returned last is damaged. `what` says so for users.
+  /// Notes that the message returned last is damaged; `what` says so for users.
   void reject(const std::string& what);
 
   /// Problems so far, beginning with the number of lost `things` ("images") if it is known; empty
@@ -86,21 +86,20 @@ class BagMessages {
   ContentsPtr contentsOf(std::size_t chunk);
 
   bag::BagFile file_;
-  std::map<std::uint32_t, std::set<bag::Topic>> connections_;  // wanted
+  std::map<std::uint32_t, std::set<bag::Topic>> connections_;  // connections with wanted topics
   ros::Time begin_;
   ros::Time end_;
   std::size_t total_ = 0;
   std::vector<std::pair<ros::Time, std::size_t>>
       order_;                           // first time and number of each chunk with wanted messages
-  std::size_t unread_ = 0;              // index in it
-  std::map<Key, std::uint32_t> queue_;  // messages of chunks read: connection
+  std::size_t unread_ = 0;              // index of the next chunk in it
+  std::map<Key, std::uint32_t> queue_;  // connection of each message of the chunks read
   std::list<std::pair<std::size_t, ContentsPtr>> kept_;
-  ContentsPtr current_;       // has the newest message
+  ContentsPtr current_;       // contents of the chunk with the newest message
   std::size_t expected_ = 0;  // messages of the chunks read
   std::size_t read_ = 0;
 };
 
-/// A recorded image.
 struct RecordedImage {
   sensor_msgs::ImageConstPtr image;  ///< null where it cannot be decoded
   ros::Time received;
@@ -115,19 +114,18 @@ class ImageSource {
   virtual std::optional<RecordedImage> next() = 0;
   /// Number of images in the bag's index.
   virtual std::size_t total() const = 0;
-  /// The topic of the images; of those that are not in a bag: that of a usual camera.
+  /// The topic of the images; for videos and pictures, that of a usual camera.
   const std::string& topic() const { return topic_; }
   /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
   /// known; empty for an intact bag.
   virtual std::string damage() const = 0;
-  /// Choices among several readings of the input, for users; empty: none.
+  /// Tells users how an ambiguous input was read; empty: it was not ambiguous.
   virtual std::string note() const { return {}; }
 
  protected:
   std::string topic_ = "/camera/image_raw";
 };
 
-/// Selection of images.
 struct BagSelection {
   std::string topic;       ///< empty: the only image topic
   double start = 0.0;      ///< s after the beginning of the bag

@@ -16,8 +16,8 @@ enum class InputKind { bag, video, images };
 InputKind kindOf(const std::string& path);
 
 /// Opens a video that OpenCV can read. The stamp of an image is its time in the video; 1 ns for the
-/// first image, since ROS takes zero for no time. `rate`: images per second in place of the times
-/// of the container; 0: those. Throws UnusableBag.
+/// first image, since ROS takes zero for no time. `rate`: images per second; 0: the times of the
+/// container. Throws UnusableBag.
 std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelection& selection,
                                        double rate);
 

@@ -29,7 +29,7 @@ class QualityOrder {
   std::vector<std::uint64_t> sorted_;
 };
 
-/// Indices of different pairs in the order of quality; as many as determine a model.
+/// Indices of different pairs in the order of quality: as many as determine a model.
 using ProsacSample = std::vector<std::size_t>;
 
 /// Fills sample[first…] with different numbers below `end` that are not in the sample. `end` is at
@@ -112,7 +112,6 @@ class ProsacStopping {
   std::vector<std::size_t> min_inliers_;
 };
 
-/// Options of a run of PROSAC.
 struct ProsacRules {
   int max_iterations = 2000;    ///< most samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
@@ -220,9 +219,9 @@ class ProsacSearch {
 
   /// The other half of local optimisation: samples from the inliers only. A sample with one wrong
   /// pair often agrees with only a part of the right pairs, and least squares does not find the
-  /// others; a sample of right pairs does. True where that gave a better model. Such samples say
-  /// nothing about the other pairs, so they count towards the budget but not towards maximality.
-  /// They use at most half of the remaining budget.
+  /// others; a sample of right pairs does. Returns true if that gave a better model. Such samples
+  /// say nothing about the other pairs, so they count towards the budget but not towards
+  /// maximality. They use at most half of the remaining budget.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);

@@ -65,7 +65,7 @@ class RobustFit {
  public:
   using State = typename Problem::State;
 
-  /// Reset before a fit. After minimise(): of the state that was found.
+  /// The weights: reset them before a fit; after minimise() they are those of the state found.
   RobustWeights& weights() { return weights_; }
   const RobustWeights& weights() const { return weights_; }
   const NormalEquations& sums() const { return sums_; }
@@ -78,7 +78,7 @@ class RobustFit {
     return true;
   }
 
-  /// Begins with the scale that was set.
+  /// Fits `state`, starting from the scale that was set.
   FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
     constexpr double kLeastDamping = 1e-4;  // after a step that did not help
     constexpr double kMostDamping = 1e12;   // no step, however short, makes the errors smaller
@@ -115,8 +115,8 @@ class RobustFit {
   Step step_;
 };
 
-/// linearise() for plain least squares. `residual`: with the covariance I; `jacobian`: of it by the
-/// step.
+/// linearise() for plain least squares. `residual` has the covariance I; `jacobian`: its derivative
+/// by the step.
 void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
                      NormalEquations& sums);
 

@@ -20,7 +20,7 @@ Information inverseOf(const util::SmallRef& squares);
 
 Information sandwich(const util::SmallRef& bread, const util::SmallRef& meat);
 
-/// Factor of a mean of squares from n values to which `parameters` were fitted: n / (n - p).
+/// Corrects a mean of squares of n values to which `parameters` were fitted: n / (n - p).
 double smallSample(double n, double parameters);
 
 /// The mean of t² e², for each of the d residuals, over the mean weight.

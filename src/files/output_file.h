@@ -38,8 +38,8 @@ class OutputPlan {
 };
 
 /// A file that gets its name only when it is complete and on the disk: it is written under a
-/// temporary name beside it. What a killed program has left there is used again; a lock tells it
-/// from a file that is being written.
+/// temporary name beside it. A file that a killed program left there is used again; a lock
+/// distinguishes it from one that is being written.
 class OutputFile {
  public:
   /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
@@ -70,21 +70,22 @@ class OutputFile {
   bool is_placed_ = false;  ///< it has its name, and can be taken back
 };
 
-/// The files of a run, which get their names together at its end. Where it is killed on the way, a
-/// file still has its temporary name, too: isInterrupted() says so, and the next run replaces it.
+/// The files of a run, which get their names together at its end. If the program is killed
+/// meanwhile, a file has its temporary name as well: isInterrupted() detects that, and the next run
+/// replaces the file.
 class Outputs {
  public:
   explicit Outputs(bool force) : force_(force) {}
 
   /// A file to be written; it is removed with this object unless it is complete. Throws FileError.
   OutputFile& add(const std::string& path);
-  /// It will get its name, after those that were complete before.
+  /// Marks the file as complete: commit() names it after those completed before.
   void complete(OutputFile& file) { complete_.push_back(&file); }
   /// Both add a complete file. A text may go to the standard output. Throw FileError.
   void writeText(const std::string& path, const std::string& text);
   void writeImage(const std::string& path, const cv::Mat& image);
-  /// All complete files get their names, or none. The last one has its own without a doubt only
-  /// where the run is done. Throws FileError.
+  /// All complete files get their names, or none. The temporary name of the last one goes only when
+  /// the run is done. Throws FileError.
   void commit();
 
  private:
@@ -99,8 +100,8 @@ bool isInterrupted(const std::string& path);
 /// "-", the name of the standard output among outputs.
 bool isStandardOutput(const std::string& output);
 
-/// Throws FileError with the reason why the file cannot be written. It tries to, since libraries do
-/// not say; `otherwise`: the reason where that works.
+/// Throws FileError with the reason why the file cannot be written. Libraries give no reason, so it
+/// tries to write; `otherwise`: the reason if that succeeds.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
 /// All throw FileError, also for a full disk; then an existing file is unchanged. A text may go to
@@ -108,7 +109,7 @@ bool isStandardOutput(const std::string& output);
 void writeText(const std::string& file, const std::string& text, bool force);
 /// The bytes of the file, without commit.
 void write(const OutputFile& file, const std::string& bytes);
-/// The ending of the name selects the format. The first does not commit.
+/// The ending of the name selects the format. The overload for an OutputFile does not commit it.
 void writeImage(const OutputFile& file, const cv::Mat& image);
 void writeImage(const std::string& file, const cv::Mat& image, bool force);
 

@@ -25,7 +25,7 @@ struct TargetEntry {
 /// reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
-/// Such a YAML list.
+/// The entries as a YAML list.
 std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 
 /// Reads the images of an entry and gives the target to `add`. Throws std::invalid_argument with

@@ -20,14 +20,14 @@ struct GrowthPlan {
   float radius_factor;  ///< per round, down to Grower::kLastRadius
   /// The growth ends when the whole reference is within reach and the radius is below this one, px.
   float enough_radius;
-  /// Radius of the first match in the whole reference after that, px; it is then halved. Parts that
-  /// were out of reach so far may be off by so much.
+  /// Radius of the first match in the whole reference after that, px; it is then halved. Parts
+  /// beyond the reach of the rounds before may be off by this much.
   float settle_radius;
   int last_rounds;           ///< most rounds at the last radius, while there are more matches
   std::size_t fewest_pairs;  ///< fewest pairs that a round needs
-  /// Pairs within the last radius that round 0 needs, and how many more each next one. A right seed
-  /// has found several times as many; a wrong one, which take nearly all of the time, seldom has as
-  /// many twice in a row.
+  /// Pairs within the last radius that round 0 needs, how many more each next round needs, and the
+  /// most. A right seed finds several times as many. Wrong seeds take nearly all of the time, and
+  /// seldom find as many in two rounds.
   std::size_t first_exact, more_exact, most_exact;
 };
 

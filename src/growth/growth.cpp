@@ -30,7 +30,7 @@ constexpr int kDescriptorBits = 8 * kDescriptorBytes;
 struct Seed {
   std::int32_t votes;
   std::int32_t view;  // 0: the reference itself
-  std::int32_t pair;  // in that view
+  std::int32_t pair;  // number of the pair in that view
 };
 
 /// Support of a hypothesis by the nearest neighbours in the whole image; see ShiftVotes.
@@ -40,8 +40,8 @@ struct Standing {
   bool is_rivalled = false;
 };
 
-/// Whether keypoints have their nearest neighbours at the places of `map`: ORB's descriptors bear a
-/// change of scale, and a tilt, of a factor of about two.
+/// Whether keypoints have their nearest neighbours at the places of `map`: ORB's descriptors
+/// tolerate a change of scale, and a tilt, of a factor of about two.
 bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
   constexpr double kMost = 2.0;
   const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
@@ -108,7 +108,7 @@ struct HomographyGrowth::Impl {
   std::vector<Grown> grown;                // grown maps; only the first `grown_count` are valid
   std::vector<growth::Standing> standing;  // standing of each of `grown`
   std::size_t grown_count = 0;
-  std::size_t start_place = 0;       // place of the start among them; behind all if there is none
+  std::size_t start_place = 0;       // index of the start in `grown`; past the end if there is none
   std::vector<std::size_t> order;    // order of `grown`, the best first
   std::vector<cv::Point2f> repeats;  // repeats of one map
   growth::ShiftVotes shifts;
@@ -290,9 +290,9 @@ bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
          growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered);
 }
 
-/// The best one, unless chance explains it, or another one that contradicts it is nearly as good.
-/// The start was also found in another way. So it is the answer if no other one has more matches
-/// and chance explains it less than once in 10^4 searches.
+/// Chooses the best hypothesis, unless chance explains it, or one that contradicts it is nearly as
+/// good. The start was also found in another way: it is the answer if no other hypothesis has more
+/// matches and chance explains it less than once in 10^4 searches.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();

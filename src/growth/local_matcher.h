@@ -78,7 +78,7 @@ class LocalMatcher {
   std::vector<float> columns_;  // `frames_` by columns, for the kernel: x of all, y of all ...
   std::size_t pitch_ = 0;       // distance of two columns, elements
   std::vector<Bits> bits_;
-  std::vector<std::uint32_t> position_;       // position of each keypoint among them
+  std::vector<std::uint32_t> position_;       // column of each keypoint
   std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;

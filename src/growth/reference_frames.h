@@ -36,9 +36,9 @@ class ReferenceFrames {
 
  private:
   struct View {
-    std::size_t begin, end;     // its keypoints
+    std::size_t begin, end;     // range of its keypoints
     Eigen::Matrix2d from_view;  // px of the view to px of the reference, without the shift
-    Eigen::Matrix2f to_view;    // the inverse
+    Eigen::Matrix2f to_view;    // inverse of from_view
   };
 
   void add(const Features& features, const Eigen::Matrix<double, 2, 3>& to_view);

@@ -102,7 +102,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
-  // As if the decoys had no matches: most rejected homographies need no decoys.
+  // First assumes that the decoys have no matches: most rejected homographies fail even then.
   const auto matched = static_cast<std::size_t>(own.back());
   Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
@@ -126,7 +126,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   return best(own, own_chances, log_tests);
 }
 
-/// At the level with the largest significance.
+/// The judgement at the level with the largest significance.
 Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
   Judgement judgement;
   judgement.matched = static_cast<std::size_t>(own.back());
@@ -236,7 +236,7 @@ bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
   constexpr double kDeviations = 2.0;  // deviations of the difference of two counts
   constexpr double kElsewhere = 10.0;  // px of the target
-  constexpr std::size_t kShare = 4;    // one in so many
+  constexpr std::size_t kShare = 4;    // a share of one match in this many
   constexpr double kSide = 32.0;       // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);
   const double both = std::max(evidence(grown) + evidence(rival), 0.0);

@@ -20,7 +20,6 @@ namespace ktgp_orb::growth {
 /// the negative binomial if the spread is above 1. 0 if the count is not above the mean.
 double logChance(double count, double mean, double spread);
 
-/// The figures behind the verdict.
 struct Judgement {
   std::size_t matched = 0;  ///< cells with matches, at any distance and error
   std::size_t support = 0;  ///< the same at the most significant distance and error
@@ -103,24 +102,23 @@ class Verdict {
   std::vector<cv::Point2f> bin_sums_;
   std::vector<std::size_t> bin_order_;
   std::vector<LocalMatch> matches_;
-  std::vector<std::uint64_t> reference_cells_;  // hash tables
+  std::vector<std::uint64_t> reference_cells_;  // hash table of cells
   std::vector<std::uint64_t> target_cells_;
 };
 
-/// The result for a seed.
 struct Grown {
   Eigen::Matrix3d map;
   Judgement judgement;
   std::vector<LocalMatch> matches;
-  PointPairs pairs;                  // the same
+  PointPairs pairs;                  // the pairs of `matches`
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
   bool grew_from_repeats = false;    // it was also grown from the repetitions
 };
 
 /// A facade also fits itself shifted by one window, and a rose window rotated by one spoke. Such a
-/// homography is not due to chance, but may be wrong. Whether `rival` has not significantly fewer
-/// matches than `grown`, and many of them lie where those of `grown` are in the target but come
-/// from elsewhere. `target`: its size. `covered`: a buffer.
+/// homography is not due to chance, but may be wrong. True if `rival` does not have significantly
+/// fewer matches than `grown`, and many of them show the same places of the target but other places
+/// of the reference. `target`: its size. `covered`: a buffer.
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered);
 

@@ -13,11 +13,10 @@
 namespace ktgp_orb {
 namespace {
 
-/// Ratios by which the image is compressed, in so many directions within half a turn.
+/// Ratio by which the image is compressed, and number of directions within half a turn.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// A linear map of the image, with the size of the box around the result, in which it lies in the
-/// middle.
+/// A linear map of the image, and the size of the box around the result, which is in its middle.
 struct Placed {
   Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
     const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);
@@ -63,7 +62,7 @@ cv::Mat drawn(const cv::Mat& image, const Placed& placed) {
   return result;
 }
 
-// px of the rotated image: Morel & Yu.
+// Standard deviation of the blur, px of the rotated image (Morel & Yu).
 double blurFor(double tilt) {
   constexpr double kBlur = 0.8;  // per unit of tilt
   return kBlur * std::sqrt(tilt * tilt - 1.0);
@@ -76,7 +75,7 @@ cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::M
   for (int y = -reach; y <= reach; ++y) {
     for (int x = -reach; x <= reach; ++x) {
       const double along = (direction.x() * x + direction.y() * y) / sigma;
-      // The line is as wide as a pixel.
+      // The kernel is a line, as wide as a pixel.
       const double across = std::abs(direction.x() * y - direction.y() * x);
       kernel.at<float>(y + reach, x + reach) =
           static_cast<float>(std::exp(-0.5 * along * along) * std::max(0.0, 1.0 - across));
@@ -117,7 +116,7 @@ Eigen::Matrix2d rotation(double angle) {
   return Eigen::Rotation2Dd(angle).toRotationMatrix();
 }
 
-/// Not 0 inside the image, but `border` px of it; 0 in its extended border.
+/// A mask of the view: 255 where it shows the image without `border` px at its edges.
 cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<double, 2, 3>& to_view,
                  const cv::Size& view) {
   cv::Mat mask = cv::Mat::zeros(view, CV_8U);

@@ -89,8 +89,8 @@ class HomographyFit {
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// True where the pairs of the last fit determine the image corners, also without any quarter of
-  /// the pairs. `homography`: the result of the fit.
+  /// True where the pairs of the last fit determine the image corners, also when any quarter of the
+  /// pairs is left out. `homography`: the result of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;
 
@@ -106,11 +106,12 @@ class HomographyFit {
   std::vector<std::uint8_t> used_;  // pairs of the last refinement
 };
 
-/// For keypoints. `by_cell`: see there.
+/// Options for keypoints. `by_cell`: see EvidenceOptions.
 EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 
-/// For points from the alignment of patches. `max_error`: inlier threshold of keypoints in an image
-/// of 640x480 px, px. It, and the least scale (a third of it), grow in proportion to the diagonal.
+/// Options for points from the alignment of patches. `max_error`: inlier threshold of keypoints in
+/// an image of 640x480 px, px. The threshold, and the least scale (a third of it), grow in
+/// proportion to the diagonal.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
 /// Estimates a homography again from points that have become more accurate, or more. Starts at the

@@ -24,9 +24,9 @@ class ReprojectionFit {
                      std::size_t max_pairs);
 
   /// Weighs the selected pairs so that those in one cell of side `cell`, in units of the reference,
-  /// count together like one: each gets the inverse of their number, 1 on average. But equal
-  /// weights, as after select(), where the result would be as noisy as that of fewer than 64
-  /// equally weighted pairs.
+  /// count together like one: each gets the inverse of their number, 1 on average. The weights stay
+  /// equal, as after select(), where the result would be as noisy as that of fewer than 64 equally
+  /// weighted pairs.
   void weighByCell(double cell);
 
   /// One step with the given scale of the errors; false where H is not determined.

@@ -104,8 +104,8 @@ class SmoothField {
     Slope slope = Slope::Zero();  // sum of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Over two pairs each that share noise: of the share of a patch that is common, of w w, and of
-    // w w r·r.
+    // Sums over couples of pairs that share noise: of the common share of a patch, of w w, and of w
+    // w r·r.
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;

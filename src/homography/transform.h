@@ -18,7 +18,6 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
   return (p.hnormalized() - target).norm();
 }
 
-/// Four points of one image.
 using FourPoints = std::array<Eigen::Vector2d, 4>;
 
 /// The homography that maps four reference points to four target points, in closed form.
@@ -30,7 +29,6 @@ bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography);
 
-/// The mapped point.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
 /// Derivative of the mapped point by H's first eight entries, row by row, with H(2,2) fixed.

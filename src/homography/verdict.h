@@ -10,8 +10,8 @@
 namespace ktgp_orb::homography {
 
 /// The verdict on a homography, whether PROSAC or the growth found it: it is trusted if it shows
-/// its inliers from one side and chance does not explain them. Chance does not when NFA(k) < 1e-4
-/// for some k; 1e-12 where the horizon crosses the reference, as in the picture of a street. A
+/// its inliers from one side and chance does not explain them. Chance is excluded when NFA(k) <
+/// 1e-4 for some k; 1e-12 where the horizon crosses the reference, as in the picture of a street. A
 /// random target point in the area A of the target points agrees within e with probability p = pi
 /// e² / A; e is at least 1/sqrt(pi) px.
 ///

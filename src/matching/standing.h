@@ -18,19 +18,19 @@ class Standing {
   /// Whether the homography leaves the whole image where it is.
   static bool standsStill(const Eigen::Matrix3d& homography, const Features& reference,
                           const Features& target);
-  /// Takes the matches that passed GMS apart.
+  /// Divides the matches that passed GMS into those that stand still and those that move.
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
-  /// Whether the moving ones with `mask` are enough, and lie all over the part of the image of
-  /// those that stand still: then the scene moves. What moves in front of a camera that stands
+  /// Whether the scene moves: enough moving matches have `mask`, and they lie all over the part of
+  /// the image where the others stand still. A thing that moves in front of a camera that stands
   /// still covers less of the image.
   bool isScene(const std::vector<std::uint8_t>& mask);
   /// The level of matches that do not move becomes kt.
   static void drop(const Features& reference, const Features& target,
                    std::vector<Correspondence>& matches);
-  /// Matches that passed the ratio filter and stand still where the homography says that the scene
-  /// moves.
+  /// Number of matches that passed the ratio filter and stand still where the homography says that
+  /// the scene moves.
   static std::size_t count(const Eigen::Matrix3d& homography, const Features& reference,
                            const Features& target, const std::vector<Correspondence>& matches);
 

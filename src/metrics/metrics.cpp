@@ -17,7 +17,6 @@ using util::position;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Running sums of the values.
 class Accumulator {
  public:
   void add(double value) {

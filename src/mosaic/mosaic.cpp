@@ -60,7 +60,6 @@ Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
   return h / h(2, 2);
 }
 
-/// Corners of an image of `size` in the map.
 std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d to_map = from_map.inverse();
   std::array<Eigen::Vector2d, 4> corners = homography::imageCorners(size, {});
@@ -186,7 +185,6 @@ struct Mosaic::Impl {
     return normalised(*step * *last);
   }
 
-  /// The middle of the frame in the map.
   Eigen::Vector2d middleInMap(const Eigen::Matrix3d& from_map) const {
     return homography::project(from_map.inverse(), middle());
   }

@@ -26,9 +26,9 @@ struct SeenTurn {
 /// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
 ///
 /// All poses are in a frame of the keyframe: its origin is below the keyframe, and x, y and yaw of
-/// the keyframe are exact there. Where that frame is in the odometry, which gets less and less
-/// certain, is a state of its own: in one frame for all, the derivatives of different times would
-/// disagree, and that would turn the large uncertainty of x, y and yaw into wrong corrections.
+/// the keyframe are exact there. The place of that frame in the odometry gets less and less
+/// certain; it is a state of its own. With one frame for all, the derivatives of different times
+/// would disagree, which would turn the large uncertainty of x, y and yaw into wrong corrections.
 class GroundFilter {
  public:
   /// Errors: x, y and yaw of the frame of the keyframe (3), the readout time (1), E of the map (8),
@@ -58,8 +58,8 @@ class GroundFilter {
   /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. The
   /// homography has eight numbers and a pose six: the two constraints that are left correct the map
   /// and the readout time. Returns by how many standard deviations they differ from what was
-  /// expected; such a homography counts with as much more noise. Empty, without any change: no pose
-  /// fits.
+  /// expected; the noise of such a homography is enlarged as much. Empty, without any change: no
+  /// pose fits.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
   /// The rotation since the keyframe by this homography alone: no reading of a turn is in it, only
@@ -67,8 +67,8 @@ class GroundFilter {
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects everything by a reading of the newest pose, with the noise that readings of its kind
-  /// have shown, on ground of that number. What differs from the expectation by more than noise
-  /// does is weighed down: see update(). Returns its misfit.
+  /// have shown, on ground of that number. A reading that differs from the expectation by more than
+  /// noise gets less weight: see update(). Returns its misfit.
   template <int kRows>
   double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
@@ -81,8 +81,8 @@ class GroundFilter {
     update(rows.residual, slope, deviation * deviation);
     return innovation.misfit;
   }
-  /// The ground may be another one: adds variances of its height, as a share of the height, and of
-  /// its tilt. Poses and map follow it together.
+  /// Allows for other ground: adds variances of its height, as a share of the height, and of its
+  /// tilt. Poses and map follow it together.
   void widen(double scale_variance, double tilt_variance);
 
   /// In the frame of the keyframe.
@@ -103,7 +103,7 @@ class GroundFilter {
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }
-  /// The part that is left when the map is known: what differs from frame to frame.
+  /// The part of it that is left when the map is known: the errors that differ from frame to frame.
   Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:

@@ -24,12 +24,12 @@ class Mounting {
  public:
   /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
   /// `reference_stamp`, ns; that is the reference of the last frame, or the last frame. Without
-  /// `turn`, the direction counts.
+  /// `turn`, the direction is used.
   void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
            const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
-  /// After each frame. One without add() begins a new sum; what was learned stays.
+  /// Call it after each frame. A frame without add() begins a new sum; the estimates stay.
   void endFrame();
-  /// In the base frame; `to_base`: camera -> base.
+  /// The estimate in the base frame; `to_base`: camera -> base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
   /// Deviation that a delay and the mounting, where the pictures show them, add to a turn of
   /// the Imu, rad. `change`: of the angular velocity since the turn before, rad/s.
@@ -57,7 +57,7 @@ class Mounting {
   void learn(Said difference);
   void solve();
 
-  bool was_added_ = false;    // this frame
+  bool was_added_ = false;    // this frame has been added
   bool is_running_ = false;   // the last frame was added
   bool gives_turns_ = false;  // whether the Imu gives turns; otherwise it gives directions
   int without_turn_ = 0;      // frames, one after the other
@@ -65,7 +65,7 @@ class Mounting {
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
   Said turned_;                 // the turns of the Imu since the start, less those of the pictures
-  Said block_;                  // sum
+  Said block_;                  // sum over the block
   int count_ = 0;               // number of frames in the block
   double seconds_ = 0.0;        // length of the block
   std::optional<Said> before_;  // mean of the block before

@@ -9,19 +9,19 @@
 #include "ktgp_orb/ground_motion.h"
 #include "motion/camera_pose.h"
 
-/// Estimates the noise of measurements from themselves.
+/// Estimates the noise of measurements from their residuals.
 namespace ktgp_orb::motion {
 
 /// How a measurement differs from what was expected.
 struct Innovation {
   double misfit = 0.0;  ///< standard deviations
-  /// Mean square of its noise as this one shows it: 1 if its variance is right.
+  /// Mean square of the noise that this measurement shows: 1 on average if its variance is right.
   double noise = 0.0;
 };
 
-/// How many times its variance the noise of a measurement has that differs from what was expected
-/// by `misfit` standard deviations: the weight of Student's t distribution with four degrees of
-/// freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
+/// Factor on the variance of a measurement that differs from the expectation by `misfit` standard
+/// deviations: from the weight of Student's t distribution with four degrees of freedom (Lange,
+/// Little & Taylor, JASA 1989); 1 within normal noise.
 double studentNoise(double misfit, int dimensions);
 
 /// Estimates the noise of one kind of measurement from its innovations: covariance matching
@@ -49,26 +49,26 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
-  /// Which normal is called a contradiction depends on the noise that the differences of successive
-  /// ones show (von Neumann, 1941), since drivers give covariances that are too small. What is
-  /// wrong in the same way each time has none. Of three steps in a row the smallest counts, since
-  /// an outlier makes two.
+  /// Drivers give covariances that are too small, so the noise of normals is estimated from the
+  /// differences of successive ones (von Neumann, 1941); a constant error does not show in these.
+  /// The smallest of three successive steps is used, since an outlier makes two large ones.
   void addResidual(const Eigen::Vector3d& newest) {
     constexpr double kMeasurements = 30.0;
-    constexpr double kUsual = 1.48;  // mean of the smallest of three, two directions of variance 1
+    constexpr double kUsual = 1.48;  // mean of such a square, for variance 1
     const double step = (newest - residual).squaredNorm();
     scatter += (std::min({step, steps[0], steps[1]}) / kUsual - scatter) / kMeasurements;
     steps = {step, steps[0]};
     residual = newest;
   }
-  /// In given deviations. A normal that scatters by more is not only noisy.
+  /// Deviation that the normals show, in given deviations. A larger scatter than kMost is an error,
+  /// not noise.
   double spread() const {
     constexpr double kMost = 10.0;
     return std::clamp(std::sqrt(scatter), 1.0, kMost);
   }
-  /// The variance of the state that lets it follow readings that contradict again and again: a
-  /// single one does no harm, after about five of them they are right. The first `ignored` ones
-  /// change nothing.
+  /// Variance to add to the state so that it follows readings that contradict it repeatedly: a
+  /// single one has hardly any effect, and after about five the state follows them. The first
+  /// `ignored` ones add nothing.
   double doubt(double residual, int ignored) const {
     constexpr double kShare = 0.02;
     if (!is_another) return 0.0;
@@ -79,14 +79,14 @@ struct Innovations {
 /// How far the ground is from flat, as far as the deviation of pictures from a plane tells it.
 ///
 /// A single picture deviates from a plane by chance, too; relief shows in nearly all of them. Then
-/// the picture sees a plane that is not quite the mean ground, which the readings are about.
+/// the picture shows a plane that is not quite the mean ground to which the readings refer.
 class Relief {
  public:
-  /// `deviation` from a plane: of a picture with focal length 1. `parallax`: way from the keyframe,
-  /// as a share of the height.
+  /// `deviation` from a plane, for a focal length of 1; `parallax`: distance from the keyframe, as
+  /// a share of the height.
   void add(double deviation, double parallax);
   bool isSeen() const;
-  /// Readings with the deviation of the seen plane from the mean ground.
+  /// The reading, widened by the deviation of the seen plane from the mean ground.
   HeightReading widened(HeightReading reading) const;
   DownReading widened(DownReading reading) const;
 
@@ -100,8 +100,8 @@ class Relief {
 /// The covariance of a homography is right for the homography. A part of its error is alike from
 /// frame to frame and cancels in a velocity, and how large that part is depends on the pictures.
 /// But over six frames a camera moves smoothly, and noise does not: the fourth difference of
-/// successive twists is noise, and where the motion is rough, motion. So rough motion never makes
-/// the noise look too small; and it is never taken for larger than the covariance says.
+/// successive twists is noise, plus motion where that is rough. So the noise never looks too small,
+/// and the covariance is its upper limit.
 ///
 /// Turning, approach and shift (what is left of the two velocities along the picture when turning
 /// and approach are known) have each their own share.
@@ -112,14 +112,14 @@ class TwistNoise {
   /// The next twist of the camera in its own frame, over `seconds`, at this height. `noise`: the
   /// part of its covariance that is independent of other frames.
   void add(const Vector6& twist, const Matrix6& noise, double seconds, double height);
-  /// `noise` of the newest twist with the shares that were seen.
+  /// `noise` of the newest twist, scaled by the measured shares.
   Matrix6 scaled(const Matrix6& noise) const;
 
  private:
   static constexpr int kTwists = 5;
 
-  /// The next twists do not follow the ones before. The first twist of a keyframe is still to come
-  /// where it was.
+  /// The next twists do not follow the ones before. If the first twist of a keyframe has not come
+  /// yet, it is still expected.
   void restart() { count_ = std::min(count_, 0); }
 
   std::array<Vector6, kTwists> twists_;  // the newest first
@@ -128,7 +128,7 @@ class TwistNoise {
   // Running means over 30 and over 300 twists, for turning, approach and shift.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
-  double learned_ = 0.0;  // twists
+  double learned_ = 0.0;  // number of twists so far
 };
 
 }  // namespace ktgp_orb::motion

@@ -27,8 +27,8 @@ struct ImageMotion {
 inline constexpr double kOfKeyframe = 0.6;
 inline constexpr double kOfFrame = 0.4;
 
-/// From pixels, `camera`: K. A deviation of 1e-6 is added to that of each entry, so that none is 0
-/// for pictures without noise.
+/// Converts from pixels; `camera`: K. A deviation of 1e-6 is added to that of each entry, so that
+/// none is 0 for pictures without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
 

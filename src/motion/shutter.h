@@ -33,7 +33,8 @@ class Shutter {
   // has these entries row by row, and F(2,2) = 0.
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
-  // Running mean of the squares of the changes of the flow, in units of its noise; and of how many.
+  // Running mean of the squares of the changes of the flow, in units of its noise; and the number
+  // of changes.
   Matrix8 change_ = Matrix8::Zero();
   double changes_ = 0.0;
 };

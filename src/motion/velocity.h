@@ -13,21 +13,22 @@ namespace ktgp_orb::motion {
 /// homography may be off by a period of repetitive ground.
 class Velocity {
  public:
-  /// The camera may stand still, or begin to move.
+  /// Starts without a velocity: the camera may stand still or move.
   void start(const GroundMotionOptions& options);
   /// Forgets the last velocity: the next pose does not follow from the one it led to.
   void interrupt() { is_measured_ = false; }
   void beginKeyframe() { noise_.beginKeyframe(); }
-  /// From the pose before to the pose now. `seconds`: between them; `since_last`: since the last
-  /// velocity. `is_flat`: the noise of the pictures shows in it, see TwistNoise.
+  /// Measures the velocity from the pose before to the pose now. `seconds`: between them;
+  /// `since_last`: since the last velocity. `is_flat`: the noise of the pictures shows in it, see
+  /// TwistNoise.
   void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
                bool is_flat);
 
   /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
-  /// The readings of a frame at its reference, `seconds` before it, as far as the velocity that was
-  /// measured `gap` seconds before the frame tells them.
+  /// The readings of a frame, predicted for its reference, `seconds` before it, by the velocity
+  /// that was measured `gap` seconds before the frame.
   GroundFrame atReference(GroundFrame frame, double seconds, double gap,
                           const GroundMotionOptions& options) const;
 
@@ -48,7 +49,7 @@ class Velocity {
 
   Vector6 twist_ = Vector6::Zero();
   Matrix6 covariance_ = Matrix6::Zero();
-  bool is_measured_ = false;  // since the last gap
+  bool is_measured_ = false;  // a velocity was measured since the last gap
   TwistNoise noise_;
   // The newest refused frame.
   std::int64_t refused_stamp_ = 0;

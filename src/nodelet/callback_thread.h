@@ -21,7 +21,7 @@ class CallbackThread {
     is_used_ = true;
     return &callbacks_;
   }
-  /// Calls it once in this thread.
+  /// Calls `callback` once in this thread.
   void post(std::function<void()> callback) {
     callbacks_.addCallback(boost::make_shared<Once>(std::move(callback)));
   }

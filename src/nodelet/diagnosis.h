@@ -60,7 +60,8 @@ class Diagnosis {
 
   void setListening(bool listening);
   void setPaused(bool paused);
-  /// Which input is silent, and why; that several nodes publish it. Empty: neither.
+  /// `silence`: which input is silent, and why; `mixture`: that several nodes publish it. Each may
+  /// be empty.
   void setInput(const std::string& silence, const std::string& mixture);
 
   /// Moves the ten seconds forward; once a second, before the reports. While the clock stands and
@@ -83,7 +84,7 @@ class Diagnosis {
     double max_latency = 0.0;
     double milliseconds = 0.0;
   };
-  // All with mutex_ locked.
+  // Call these with mutex_ locked.
   void set(const std::string& kind, const std::string& text, bool log, Problems& problems);
   std::uint64_t recentOf(const char* name) const;
   std::uint64_t totalOf(const char* name) const;
@@ -96,7 +97,7 @@ class Diagnosis {
   mutable std::mutex mutex_;
   std::string logger_;
   std::string what_;
-  std::string whats_;  // plural
+  std::string whats_;  // plural of what arrives
   std::string topic_;
   std::string work_;
   std::map<std::string, Counter, std::less<>> counters_;

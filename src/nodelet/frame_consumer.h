@@ -13,8 +13,8 @@
 
 namespace ktgp_orb {
 
-/// Base of nodelets that use images and the matcher's homographies; either wait for the other in an
-/// ImageStore. `Work` has
+/// Base of nodelets that use images and the matcher's homographies; an image waits for its
+/// homography in an ImageStore. `Work` has
 ///   add(image), follow(homography)   one that arrived
 ///   finish()                         all that had arrived was added
 ///   restart()                        nothing was received for a while

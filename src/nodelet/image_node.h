@@ -36,7 +36,8 @@ namespace ktgp_orb {
 ///   slow_queue_      diagnostics and the watch of the inputs, which ask the master
 class NodeBase : public nodelet::Nodelet {
  protected:
-  /// Adds the inputs and reads the parameters. What it throws ends the loading, with the reason.
+  /// Adds the inputs and reads the parameters. An exception ends the loading, with its text as the
+  /// reason.
   virtual void start() = 0;
   /// Advertises outputs and services, and starts the worker.
   virtual void advertise() = 0;
@@ -46,7 +47,7 @@ class NodeBase : public nodelet::Nodelet {
   virtual std::string nodelet() const = 0;
   /// Name of the second report to the diagnostics.
   virtual std::string workName() const = 0;
-  /// Logged at start: what it does with which inputs.
+  /// Text for the log at start: what the nodelet does with which inputs.
   virtual std::string greeting() const = 0;
   /// Whether results are wanted now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
@@ -61,7 +62,7 @@ class NodeBase : public nodelet::Nodelet {
 
   ros::NodeHandle node(CallbackThread& queue) const;
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// The first input is the one of the diagnostics.
+  /// The diagnostics report on the first input.
   ImageInput& addImages(int queue_size, ImageInput::Callback callback);
   template <typename Message>
   Input& addInput(const std::string& name, const std::string& what, std::uint32_t queue_size,
@@ -72,7 +73,7 @@ class NodeBase : public nodelet::Nodelet {
                                                 what, queue_size, is_watched, std::move(callback)));
     return *inputs_.back();
   }
-  /// `answer` fills the response; what it throws becomes success = false and the message.
+  /// `answer` fills the response; an exception becomes success = false, with its message.
   template <typename Service>
   void addService(
       const std::string& name, CallbackThread& queue,
@@ -115,7 +116,7 @@ class NodeBase : public nodelet::Nodelet {
 
   void onInit() final;
   void tick();
-  /// Freed memory, which the allocator would keep.
+  /// Returns freed memory to the system, which the allocator would keep.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   void reportStamps();

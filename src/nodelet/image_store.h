@@ -20,7 +20,8 @@ class ImageStore {
   /// Sets how many more images may wait, however large they are. Valid from the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
-  /// How many were dropped because of kBytes. Those beyond kImages are too old for a homography.
+  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count:
+  /// they are too old for a homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, image);
     bytes_ += image->data.size();

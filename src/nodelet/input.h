@@ -34,7 +34,7 @@ class Input {
   /// Call it again after enable().
   void subscribe(bool wanted);
 
-  /// Used only by the thread that asks the master; null if nobody minds that nothing comes.
+  /// Used only by the thread that asks the master; null: a silent input is not reported.
   InputWatch* watch() { return watch_.get(); }
   /// Number of publishers of the topic, from that thread.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
@@ -57,7 +57,6 @@ class Input {
   boost::weak_ptr<const void> last_;  // used only in the callback
 };
 
-/// Messages of one type.
 template <typename Message>
 class MessageInput : public Input {
  public:
@@ -115,7 +114,8 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// Which stamps of images nobody can use: results are found by them, and velocities need them.
+/// Finds stamps of images that cannot be used: results are found by stamps, and velocities need
+/// them.
 class ImageStamps {
  public:
   static constexpr const char* kZero = "stamps of zero";

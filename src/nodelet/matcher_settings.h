@@ -48,7 +48,7 @@ class MatcherSettings {
   std::string mask_file_;
   sensor_msgs::ImageConstPtr file_reference_;
   FileState file_state_;  // state of the reference file when it was read
-  FileState file_seen_;   // at the last check
+  FileState file_seen_;   // its state at the last check
 };
 
 }  // namespace ktgp_orb

@@ -23,7 +23,7 @@ struct MatcherFacts {
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last failure of a frame with a reference
-  std::atomic<bool> finds_geometries{false};  ///< not homographies alone
+  std::atomic<bool> finds_geometries{false};  ///< geometries without a homography, too
 };
 
 /// Work of the matcher: matches an image, publishes what has subscribers. Belongs to the
@@ -61,7 +61,7 @@ class MatcherWork {
   std::function<bool()> newer_waits_;
   std::string camera_info_topic_;
   MatcherFacts& facts_;
-  std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one
+  std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one topic
   image_transport::Publisher overlay_;
   Diagnosis::Clock::time_point last_overlay_;
   std::uint64_t without_reference_ = 0;  // frames in a row, up to the last one

@@ -45,8 +45,8 @@ class TargetBook {
   /// Whether one of the targets has a frame for tf.
   bool hasFrames() const;
 
-  /// Throw std::invalid_argument or RefusedImage with the reason, without any change of the targets
-  /// and of the kept list.
+  /// They throw std::invalid_argument or RefusedImage with the reason, and then change neither the
+  /// targets nor the kept list.
   void add(const SetTarget::Request& request);
   void replace(const SetTarget::Request& request);
   void remove(const std::string& id);
@@ -55,7 +55,7 @@ class TargetBook {
   struct Lists {
     std::vector<TargetEntry> used;
     std::vector<TargetEntry> refused;  // they stay in the kept list
-    std::deque<TargetEntry> waiting;   // to be read
+    std::deque<TargetEntry> waiting;   // still to be read
 
     /// Targets with this id that are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);
@@ -64,7 +64,7 @@ class TargetBook {
   void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
-  /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
+  /// The new list, beside the kept one, which it replaces by its commit(); empty if none is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;

@@ -128,7 +128,7 @@ class Worker {
 
   ~Worker() { stop(); }
 
-  /// `afterwards` is done when all jobs that had arrived are done.
+  /// `afterwards` is called whenever all jobs that had arrived are done.
   void start(std::unique_ptr<State> state, Failed failed, Job afterwards = nullptr) {
     state_ = std::move(state);
     failed_ = std::move(failed);
@@ -147,7 +147,7 @@ class Worker {
   }
   void post(Job job) { inbox_.put(kCommand, 0, {std::move(job), nullptr, nullptr}); }
   /// Calls `Use`, a function of the state, with the message. The job may be dropped, see Inbox;
-  /// returns how many older ones were. Asks the heap for nothing in steady state.
+  /// returns how many older ones were. Allocates nothing in steady state.
   template <auto Use, typename Message>
   std::size_t put(std::size_t kind, std::size_t bytes,
                   const boost::shared_ptr<const Message>& message) {

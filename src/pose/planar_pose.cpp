@@ -262,8 +262,8 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   return jacobian;
 }
 
-/// `now`, less certain by what the usual deviation of a readout time would change. It is the same
-/// error as long as the motion is the same.
+/// `now`, with the additional uncertainty of a readout time of the usual deviation. This error
+/// stays the same as long as the motion does.
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
@@ -351,7 +351,7 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
   const util::SmallMatrix by_answer = approach(points, moved, answer.homography);
   by_now = util::leastSquares(by_answer, by_now).solution;
   by_before = util::leastSquares(by_answer, by_before).solution;
-  // The smooth errors are about the same in both, the noise is not.
+  // The smooth errors are about the same in both homographies, the noise is not.
   const Covariance8 noise_now = now.covariance - now.shared_covariance;
   const Covariance8 noise_before = before.covariance - before.shared_covariance;
   answer.shared_covariance = util::propagated(by_now + by_before, now.shared_covariance);

@@ -19,7 +19,6 @@ namespace ktgp_orb::python {
 
 namespace py = pybind11;
 
-/// A motion of the camera.
 struct Motion {
   std::string geometry;
   Eigen::Matrix3d rotation;
@@ -43,7 +42,7 @@ struct Match {
   Match(const MatchResult& result, const Features& reference, const Features& target,
         const TwoViewInput& input = {});
 
-  /// Not for a scene with depth.
+  /// False for a scene with depth.
   bool hasHomography() const { return status == "ok" && geometry != "epipolar"; }
 
   std::string status;
@@ -94,7 +93,6 @@ void restore(const py::tuple& state, Match& match);
 
 /// Registers the classes and functions for pairs of images.
 void definePairs(py::module_& module);
-/// Registers the class for sequences.
 void defineSequence(py::module_& module);
 /// Registers the classes for targets, mosaic, stabilizer and motion above the ground.
 void defineConsumers(py::module_& module);

@@ -39,7 +39,7 @@ class Shared {
   /// Waits until no other thread uses the object, and lets other threads of Python run while it
   /// does the work; returns what that returns. To be called with the GIL, without which no process
   /// is forked. Throws std::runtime_error in a forked process if the object was in use at the fork:
-  /// its user is not there, and would be waited for in vain.
+  /// the thread that used it does not exist there, so the wait would not end.
   template <typename Work>
   auto use(const Work& work) {
     lock();

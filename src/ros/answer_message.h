@@ -11,7 +11,8 @@
 
 namespace ktgp_orb {
 
-/// Between a field of an answer and that of a message, where matrices are arrays, row by row.
+/// Copies between a field of an answer and that of a message, where matrices are arrays, row by
+/// row.
 struct CopyField {
   void operator()(const char* /*name*/, double from, double& to) const { to = from; }
   template <int Size, int Options, std::size_t Entries>

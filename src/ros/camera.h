@@ -26,7 +26,6 @@ std::string rawTopic(const std::string& topic);
 /// a relay may append parts. Throws std::invalid_argument.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
-/// The camera of an image.
 struct PixelCamera {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K of an image without distortion, px
   LensConstPtr lens;  ///< moves points of the raw image to the pixels of `camera`; null: the image
@@ -48,8 +47,8 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 /// The size of the images that a camera_info describes, px.
 cv::Size imageSize(const sensor_msgs::CameraInfo& info);
 
-/// Refuses a readout time of a shutter, s, that is neither -1, not known, nor 0 or more. Throws
-/// std::invalid_argument.
+/// Throws std::invalid_argument unless `seconds` is a readout time of a shutter: -1 (not known), or
+/// from -0.2 to 0.2, below 0 where the last row is exposed first.
 void requireReadoutTime(double seconds);
 
 /// The lens for raw images of the camera, for any size. Throws as pixelCamera.

@@ -23,7 +23,7 @@ class GroundReadings {
   /// `tf` must live longer.
   explicit GroundReadings(const tf2::BufferCore& tf) : tf_(tf) {}
 
-  /// `range_topic`, `imu_topic`: their names in explanations.
+  /// `range_topic`, `imu_topic`: names of the topics for explanations.
   void configure(const GroundMotionConfig& config, const std::string& range_topic,
                  const std::string& imu_topic) {
     config_ = config;
@@ -36,8 +36,8 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether later messages cannot tell more about the image, unless their stamps jitter: an Imu
-  /// after it has come, and tf knows where the camera, the sensors and the ground are at its time.
+  /// Whether no later message can tell more about the image, unless stamps jitter: an Imu after it
+  /// has come, and tf knows where the camera, the sensors and the ground are at its time.
   bool complete(const std_msgs::Header& image) const;
 
   /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
@@ -49,13 +49,13 @@ class GroundReadings {
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
   /// Why the newest frame has no rotation; empty: it has, or needs none.
   const std::string& noTurn() const { return no_turn_; }
-  /// The estimate for the newest frame, once for each frame. After a second without a height, or
-  /// without a normal, that counts, it has that status in place of a pose.
+  /// The estimate for the newest frame; call it once for each frame. After a second without a
+  /// usable height or normal, the estimate has the status that says so in place of a pose.
   GroundEstimate withPatience(GroundEstimate estimate);
   /// Why the newest frame has no motion; empty: it has.
   std::string problemOf(const GroundEstimate& estimate) const;
-  /// Which reading of the newest frame is missing or contradicts, so that it hardly counts, and
-  /// what that most likely is; empty: none.
+  /// Which reading of the newest frame is missing, or contradicts the others so that it hardly
+  /// counts, with the likely cause; empty: none.
   std::string notUsed(const GroundEstimate& estimate) const;
   /// The sources in words.
   std::string heightSource() const;
@@ -72,7 +72,7 @@ class GroundReadings {
                          const ros::Time& image) const;
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
-  // Why the newest frame has no reading that counts.
+  // Why the newest frame has no usable height.
   std::string heightTrouble(const GroundEstimate& estimate) const;
   std::string normalTrouble(const GroundEstimate& estimate) const;
   std::string turnTrouble(const GroundEstimate& estimate) const;

@@ -53,7 +53,8 @@ cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& messa
 /// `message` lives. Throws RefusedImage as greyImage does.
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
 
-/// The image after a stabilizer's `warp`, of the same size; where it ends, its border goes on.
+/// The image after a stabilizer's `warp`, of the same size; the pixels of its border are repeated
+/// outside.
 cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
 /// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or

@@ -21,7 +21,7 @@
 
 namespace ktgp_orb {
 
-/// A matched frame, and what only its node knows. Valid as long as the match.
+/// A matched frame with the data that only its node knows. Valid as long as the match.
 struct MatchedFrame {
   std_msgs::Header header;  ///< header of the target image
   const SequenceMatch& match;
@@ -50,7 +50,7 @@ struct FrameMessages {
 #undef KTGP_LIVE_TOPIC
   sensor_msgs::ImagePtr overlay;  ///< null unless wanted
 };
-/// Without the overlay.
+/// All messages of the frame, without the overlay.
 FrameMessages toMessages(const MatchedFrame& frame);
 
 /// A homography without inliers; its covariance is not known. Empty: none was found. The sizes are

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb {
 
-/// Said where most frames have them (MatchResult::still).
+/// The warning where most frames have such things (MatchResult::still).
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "

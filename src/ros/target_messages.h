@@ -35,7 +35,8 @@ class ImageSequence {
   cv::Size size_;
 };
 
-/// Without poses. `header`: of the image. `frame_prefix`: begins the names of the targets' frames.
+/// The message without poses. `header`: that of the image. `frame_prefix`: begins the names of the
+/// targets' frames.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
                               const std::string& frame_prefix = "");
 

@@ -27,8 +27,8 @@ class ReferenceKeeper {
   /// homography, the previous frame becomes the keyframe, and the chain of homographies continues.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
-  /// After all matching of `frame`: `result` is that of the match to `reference`, which counts;
-  /// null if there was no reference.
+  /// Call it after all matching of `frame`. `result`: the final match, to `reference`; null if
+  /// there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
   /// Homography from the first frame of the unbroken sequence to the last frame; empty in fixed
@@ -56,7 +56,7 @@ class ReferenceKeeper {
   FramePtr apart_;      // the newest frame, if its stamp went back; it may be wrong
   NoReference reason_ = NoReference::none;
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
-  // From the first frame of the sequence.
+  // The homographies begin at the first frame of the sequence.
   std::int64_t first_stamp_ = 0;
   UncertainHomography to_reference_{Eigen::Matrix3d::Identity()};
   UncertainHomography to_previous_{Eigen::Matrix3d::Identity()};

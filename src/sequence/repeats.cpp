@@ -63,7 +63,7 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
 /// How long an image may stay the same before the camera stands still, s.
 double Repeats::patience() const {
   constexpr double kUnknown = 0.1;  // s: cameras with less than ten images a second are rare
-  constexpr double kMore = 1.5;     // than it stayed so far, at irregular repetitions
+  constexpr double kMore = 1.5;     // ratio to the longest so far, where repetitions vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
@@ -73,8 +73,8 @@ double Repeats::patience() const {
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels, below which there is no noise of a compression
-  constexpr double kApart = 2.5;   // times; copies of one compression differ by a factor of 1.2
-  constexpr double kAlike = 2.0;   // times, in the lower group
+  constexpr double kApart = 2.5;   // ratio; copies of one compression differ by a factor of 1.2
+  constexpr double kAlike = 2.0;   // ratio, in the lower group
   constexpr int kTimes = 3;        // alternations that are needed
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};

@@ -15,7 +15,8 @@ namespace ktgp_orb::sequence {
 /// its images are new ones, which show that it stands.
 class Repeats {
  public:
-  /// Whether `image`, taken at `stamp` ns, repeats `last`, the last one that did not. Both CV_8UC1.
+  /// Whether `image`, taken at `stamp` ns, repeats `last`, the last image that was not a
+  /// repetition. Both CV_8UC1.
   bool repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                std::int64_t last_stamp);
   void forget() { *this = {}; }

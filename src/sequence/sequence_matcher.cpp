@@ -38,7 +38,7 @@ std::int64_t stampOf(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
-/// How many times as large as it is the fixed reference should be.
+/// Factor by which to enlarge a small fixed reference.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   constexpr double kWanted = 300.0;  // px: ten patches
   constexpr double kMost = 4.0;
@@ -162,7 +162,7 @@ struct SequenceMatcher::Impl {
   double lost_milliseconds = 0.0;           // spent on matches that are not the result
   bool fix_next_frame = false;
   bool has_other_input = false;  // options or a fixed reference than those of the answer
-  bool had_reference = false;    // also forgets the result that names it
+  bool had_reference = false;    // whether `answer` had a reference when it was cleared
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
@@ -243,7 +243,7 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   if (result.search != Search::near || !predictor.isPoor(result)) return;
-  // Again without a search radius; `result` becomes the better of the two.
+  // Matches again without a search radius; `result` becomes the better of the two.
   hints.prediction.reset();
   hints.whole_image = true;
   matcher.match(reference->features, target.features, hints, whole_result);
@@ -276,7 +276,7 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
-/// Before its features are found, which would be for nothing.
+/// Called before the features are extracted, which a repeated image does not need.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
   const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
   if (!answer.frame || is_asked_anew) return false;
@@ -369,7 +369,7 @@ const SequenceMatch& SequenceMatcher::match(const Features& features, double sec
   features.descriptors.copyTo(frame->features.descriptors);
   frame->features.descriptor = features.descriptor;
   frame->features.image_size = features.image_size;
-  frame->features.images = features.images;  // shared
+  frame->features.images = features.images;  // shared with the caller
   return impl_->match(frame, nullptr);
 }
 

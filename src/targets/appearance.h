@@ -30,7 +30,7 @@ class Appearance {
 
   /// How many times more of the blocks must look alike at their own place than at any place near
   /// it: a facade or lines of text nearly look alike one window or one line further. Where a track
-  /// says which of these places it is, the own one must only be the best.
+  /// says which place it is, that place must only be the best.
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 
@@ -53,7 +53,7 @@ class Appearance {
  private:
   struct Block {
     bool has_texture = false;
-    bool is_seen = true;  // in the frame
+    bool is_seen = true;  // the block is in the frame
     float values[64];     // mean 0, length 1
   };
   /// Blocks of the picture that look like those of the frame (dx, dy) blocks away, and all of them

@@ -18,7 +18,7 @@ class BitTables {
   static constexpr int kMaxKeyBits = 20;
 
   /// `fullest_cell`: cells with more descriptors are skipped; many have these bits, so they say
-  /// little. `most_other_bits`: that may differ of 32 bits that are not part of the key.
+  /// little. `most_other_bits`: how many of 32 bits outside the key may differ.
   BitTables(std::uint32_t fullest_cell, int most_other_bits)
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 

@@ -17,7 +17,7 @@
 
 namespace ktgp_orb::targets {
 
-/// A picture of a target in the frame. PictureSearch leaves the first three to its caller.
+/// A picture of a target in the frame. The caller of PictureSearch sets the first three members.
 struct FoundTarget {
   StoredTarget* target = nullptr;
   std::uint32_t picture = 0;     ///< number in the store
@@ -41,7 +41,7 @@ class PictureSearch {
                 const FramePyramid& frame);
 
   /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
-  /// explain. `pictures`: known, which chance has as many opportunities.
+  /// explain. `pictures`: number of known pictures, each of which is an opportunity for chance.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
   /// Follows a picture that was seen in the last frame, without its keypoints: the images are
@@ -62,7 +62,7 @@ class PictureSearch {
   static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
-  /// Most attempts for one picture in a frame; chance has so many opportunities. Seeds
+  /// Most attempts for one picture in a frame, each of which is an opportunity for chance. Seeds
   /// come from two kinds of tables, and each one can give three homographies.
   static constexpr int kAllSeeds = 2 * kMostSeeds;
   static constexpr int kAllHomographies = 3 * kAllSeeds;
@@ -84,7 +84,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Keypoints that do not agree with the homography last labelled.
+  /// Removes the keypoints that do not agree with the homography last labelled.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;

@@ -21,7 +21,7 @@ class SearchedFrame {
 
   /// `image` must live until the next call. `wants_small`: targets below kSmallSide are wanted.
   void set(const cv::Mat& image, bool wants_small);
-  /// Features that were found elsewhere, as they are.
+  /// Uses features that were found elsewhere, unchanged.
   void set(const Features& features);
 
   const Features& features() const { return *features_; }

@@ -34,7 +34,6 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
 void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
             cv::Mat& small);
 
-/// The middle of an image, px.
 Eigen::Vector2d middleOf(const cv::Size& image);
 /// Width and height of an image where the homography moves its middle to, px.
 cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image);

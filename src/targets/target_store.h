@@ -11,7 +11,6 @@
 
 namespace ktgp_orb::targets {
 
-/// A known target.
 struct StoredTarget {
   std::string id;
   double width = 0.0;

@@ -19,7 +19,7 @@ struct Track {
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< centre of the picture in the frame, px
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< velocity of the centre, px per frame
   double extent = 0.0;                                 ///< half of the longer side in the frame, px
-  bool is_matched = false;                             ///< in this frame
+  bool is_matched = false;                             ///< matched in this frame
 };
 
 /// Gives each instance of a target a number that stays while the instance is followed.
@@ -30,17 +30,17 @@ class Tracks {
   /// Whether nothing is followed, or something whose longer side is below 1.5 `side`, px of the
   /// frame as it was given, or something was lost.
   bool needsLargerFrame(double side) const;
-  /// Before a frame.
+  /// Call it before each frame.
   void beginFrame();
   /// Gives each detection the nearest track of the same target, if it is nearer than the extent;
   /// otherwise a new track with the lowest free number. The nearest pairs come first, so give it
   /// all detections at once. Appends the tracks in the order of `found`.
   void assign(const std::vector<FoundTarget>& found, TargetStore& store,
               std::vector<Track>& tracks);
-  /// After a frame: forgets what was not seen for kMostUnseen frames.
+  /// Call it after each frame: forgets instances that were not seen for kMostUnseen frames.
   void endFrame();
 
-  /// Seen in the last frame, and not matched in this one so far.
+  /// Tracks that were seen in the last frame and are not matched in this one so far.
   std::vector<Track> missing() const;
   bool wasSeen(const StoredTarget& target) const;
   void forget(const StoredTarget& target);

@@ -31,7 +31,7 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing for an empty name. `camera`: in place of the bag's camera_info; empty: that.
+  /// Does nothing for an empty name. `camera` replaces the bag's camera_info, unless it is empty.
   /// Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
@@ -39,14 +39,14 @@ class BagMotion {
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.
   void close(files::Outputs& outputs);
-  /// A table was wanted, and no frame has a motion.
+  /// Whether a table was wanted, and no frame has a motion.
   bool foundNone() const { return !options_.path.empty() && known_ == 0; }
   /// The outcome in lines for users; empty if nothing was wanted.
   std::string report() const;
 
  private:
-  /// Messages of one kind by their stamps; one that is dated ahead keeps no other waiting. Where
-  /// the clock was set back, a part of its own begins.
+  /// Messages of one kind in the order of their stamps, so that one that is dated ahead does not
+  /// delay others. A new part begins where the clock was set back.
   template <typename Message>
   class Readings {
    public:

@@ -54,7 +54,7 @@ class FramePipeline {
   std::deque<Task> tasks_;
   bool closed_ = false;
   std::vector<Worker> workers_;
-  std::vector<std::thread> threads_;  ///< one per worker
+  std::vector<std::thread> threads_;  ///< the workers
 };
 
 }  // namespace ktgp_orb::tools

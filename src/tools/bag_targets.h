@@ -32,8 +32,7 @@ class BagTargets {
  public:
   /// Does nothing for an empty path. Names every target that is refused, with the reason, on the
   /// standard error. Throws std::invalid_argument for a list that cannot be used, and FileError if
-  /// no target of it can.
-  /// `camera`: in place of the recording's camera_info; empty: that.
+  /// no target of it can. `camera` replaces the recording's camera_info, unless it is empty.
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
@@ -56,7 +55,7 @@ class BagTargets {
   std::size_t seen_ = 0;  // frames with a target
   std::size_t found_ = 0;
   std::size_t poses_ = 0;
-  std::string no_pose_;  // the first reason
+  std::string no_pose_;  // first reason for no pose
 };
 
 }  // namespace ktgp_orb::tools

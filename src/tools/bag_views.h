@@ -56,7 +56,7 @@ class SteadyVideo {
   /// Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
-  /// The image before once more: the video keeps its rate.
+  /// Repeats the image before, so that the video keeps its rate.
   void repeat();
   /// Completes the files; without images they are not written. Throws FileError.
   void close();
@@ -102,7 +102,7 @@ class SteadyVideo {
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;
-  cv::Mat picture_;  // the last one
+  cv::Mat picture_;  // the picture written last
   cv::Size size_;
   Shake before_;
   Shake after_;
@@ -122,7 +122,7 @@ class BagViews {
 
   /// The next image, with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
-  /// The image before once more.
+  /// Repeats the image before.
   void repeat() {
     if (steady_) steady_->repeat();
   }
@@ -138,7 +138,7 @@ class BagViews {
   files::Outputs& outputs_;
   std::optional<SteadyVideo> steady_;
   Mosaic mosaic_;
-  std::size_t maps_ = 0;  // written
+  std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
   std::size_t repeated_ = 0;  // lost frames on ground that repeats

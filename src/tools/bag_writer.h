@@ -29,7 +29,7 @@ class MatchWriter {
   MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
-  /// Null: nothing. `topic`: the whole name.
+  /// Writes nothing for null. `topic`: the whole name.
   void write(const std::string& topic, const TargetDetectionsPtr& detections,
              const ros::Time& time);
   /// An image that is no frame has a line only in the table; `status`: refused or repeated.

@@ -349,7 +349,7 @@ class Run {
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
-  bool finds_motions_;  // or other geometries, besides homographies
+  bool finds_motions_;  // motions or other geometries are wanted, too
   bool said_no_motion_ = false;
   bool is_fixed_;
   bool draws_overlay_;

@@ -27,9 +27,9 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::stri
 /// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);
 
-/// Three rows.
+/// The matrix as three rows.
 nlohmann::json toJson(const Eigen::Matrix3d& matrix);
-/// All numbers, row by row.
+/// All numbers of the matrix, row by row.
 template <int Size, int Options>
 std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& matrix) {
   const Eigen::Matrix<double, Size, Size, Eigen::RowMajor> rows = matrix;
@@ -38,7 +38,7 @@ std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& mat
 /// The fields of an answer by their names.
 nlohmann::json toJson(const UncertainHomography& answer);
 
-/// The text of a file name, for example; bytes that are not UTF-8 are replaced.
+/// The text of a document; bytes that are not UTF-8, as in a file name, are replaced.
 std::string textOf(const nlohmann::json& json, int indentation);
 
 /// Adds --version, and --force for `force`.

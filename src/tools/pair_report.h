@@ -27,7 +27,7 @@ struct Outcome {
 /// The points of the scene that the final matches show; empty without a motion.
 std::vector<ScenePoint> pointsOf(const Outcome& outcome);
 
-/// To the standard output.
+/// Prints the outcome to the standard output.
 void print(const Outcome& outcome, const PipelineOptions& options);
 nlohmann::json toJson(const Outcome& outcome, const PipelineOptions& options);
 

@@ -8,7 +8,6 @@
 
 namespace ktgp_orb::tools {
 
-/// An mp4 video.
 class VideoFile {
  public:
   /// `rate`: frames per second; `outputs` must live longer. Throws FileError if the file cannot be
@@ -31,7 +30,7 @@ class VideoFile {
   files::OutputFile& file_;
   cv::VideoWriter writer_;
   cv::Size size_;
-  double frames_ = 0.0;  // written
+  double frames_ = 0.0;  // frames written
 };
 
 }  // namespace ktgp_orb::tools

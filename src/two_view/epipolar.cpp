@@ -297,8 +297,8 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
   sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
-/// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
+/// Leaves out pairs behind a camera: a wrong pair that is near its epipolar line by chance has a
+/// large parallax, and so much influence. Far pairs whose rays are parallel within the errors stay.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
   constexpr double kBehind = 3.0;  // deviations
   const EpipolarPairs& pairs = *problem_.pairs;

@@ -21,8 +21,8 @@ namespace ktgp_orb::two_view {
 /// F = U diag(1, s, 0) V^T (seven).
 struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
-  RelativePose motion;                               ///< with cameras
-  Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< without
+  RelativePose motion;                               ///< motion, with cameras
+  Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< U, without cameras
   Eigen::Matrix3d v = Eigen::Matrix3d::Identity();
   double s = 1.0;
 };
@@ -65,8 +65,8 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
 
   /// How far a pair is from the motion, normalised units: the Sampson distance in front of the
-  /// cameras. Behind them the inverse depth 0 is the nearest one that the scene can have, so that
-  /// the distance from the point at infinity counts, over the errors of both images.
+  /// cameras. Behind them the nearest point that the scene can have is at infinity, so it is the
+  /// distance from that point, over the errors of both images.
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
@@ -94,7 +94,7 @@ struct SampsonProblem {
   using State = Epipolar;
 
   const EpipolarPairs* pairs = nullptr;
-  homography::PointArrays<double> points;  ///< the selected ones
+  homography::PointArrays<double> points;  ///< the selected pairs
   std::vector<double> precision;           ///< precision of each of them
 
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const {
@@ -118,13 +118,14 @@ class EpipolarFit {
   /// do not determine it.
   bool step(double reach, Epipolar& geometry);
 
-  /// To convergence, over all pairs within twice the limit; the scale of the errors is estimated,
-  /// too. False where the pairs do not determine the geometry.
+  /// Fits to convergence, over all pairs within twice the limit; the scale of the errors is
+  /// estimated, too. False where the pairs do not determine the geometry.
   bool minimise(Epipolar& geometry);
 
-  /// After minimise(): of the parameters. Errors of pairs in one of the cells, `cell` normalised
-  /// units wide, may be correlated (Liang & Zeger, Biometrika 1986). `shared`: standard deviation
-  /// of errors that vary linearly over the image, normalised units. Infinite where it is not known.
+  /// Covariance of the parameters after minimise(). Errors of pairs in one of the cells, `cell`
+  /// normalised units wide, may be correlated (Liang & Zeger, Biometrika 1986). `shared`: standard
+  /// deviation of errors that vary linearly over the image, normalised units. Infinite where it is
+  /// not known.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
   /// By which factor the motion depends more on which part of the image it is fitted to than
@@ -144,7 +145,7 @@ class EpipolarFit {
   std::vector<std::uint8_t> used_;
   std::vector<std::size_t> cell_;  // cell of each selected pair
   estimation::ClusteredMeat clusters_;
-  std::vector<int> group_;  // of each pair, for the jackknife
+  std::vector<int> group_;  // group of each pair, for the jackknife
   int left_out_ = -1;       // group; -1: none
 };
 

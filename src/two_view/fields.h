@@ -12,7 +12,6 @@ inline double distanceDeviation(const ScenePoint& point) {
   return std::sqrt(ray.dot(point.covariance * ray));
 }
 
-/// A number of a two-view geometry.
 struct NumberField {
   const char* name;
   const char* text;  ///< meaning, unit, range

@@ -133,7 +133,7 @@ void Hypotheses::refine() {
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   constexpr double kMostOfACell = 1.0;  // one cell: a probability of 0.27 for the other
-  constexpr double kIndifferent = 3.0;  // what noise of three deviations makes
+  constexpr double kIndifferent = 3.0;  // the difference that noise of three deviations makes
   constexpr double kOnPlane = 4.5;      // deviations: with noise alone 1 in 25 000 is farther
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;

@@ -11,9 +11,9 @@ namespace {
 
 constexpr double kReach = 4.0;  // px
 /// Deviation of a keypoint over that of an aligned one. The distances from the true epipolar lines
-/// have a scale of 0.85 and 0.25 px (medians over 20 sets of real and drawn scenes). But keypoints
-/// near a line are partly those that happen to be, which draws the fit to where it began: with the
-/// square of the ratio the motions of twelve sets are the most accurate (of 1, 3.4, 6 and 12).
+/// have a scale of 0.85 and 0.25 px (medians over 20 sets of real and drawn scenes). But some
+/// keypoints are near a line by chance, which draws the fit towards its start: with the square of
+/// the ratio the motions of twelve sets are the most accurate (of 1, 3.4, 6 and 12).
 constexpr double kKeypointDeviation = 12.0;
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 

@@ -14,7 +14,7 @@ namespace ktgp_orb::two_view {
 /// A motion over a plane: K'^-1 H K ~ R + t n^T.
 struct PlanarMotion {
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< over the distance of the plane
+  Eigen::Vector3d translation;  ///< translation over the distance of the plane
   Eigen::Vector3d normal;       ///< unit vector
 
   RelativePose pose() const { return {rotation, translation.normalized()}; }
@@ -60,15 +60,15 @@ struct RotationProblem {
 /// The rotation of maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
-  /// Over the pairs near `homography`, which has `inliers`; false where it explains less than half
-  /// of them. `deviations`: see TwoViewInput.
+  /// Fits the rotation over the pairs near `homography`, which has `inliers`; false where it
+  /// explains less than half of them. `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
-  /// Covariance of small rotations about the target camera's axes, rad². It has the noise, errors
-  /// of the deviation `shared`, px, that vary linearly over the image, and what a parallax can
-  /// change that does not show: `unseen`, px.
+  /// Covariance of small rotations about the target camera's axes, rad². It contains the noise,
+  /// errors of the deviation `shared`, px, that vary linearly over the image, and the effect of a
+  /// parallax of `unseen` px that does not show.
   Eigen::Matrix3d covariance(double shared, double unseen) const;
   /// Standard deviation of one coordinate, px.
   double scale() const { return fit_.weights().scale(); }

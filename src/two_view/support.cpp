@@ -74,7 +74,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   const double log_models = std::log10(models);
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
-    // The chance that exactly the first k + 1 agree. As many as chance lets expect say nothing.
+    // The chance that exactly the first k + 1 agree. As many as chance gives are no evidence.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

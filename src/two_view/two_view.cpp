@@ -50,7 +50,7 @@ struct TwoViewEstimator::Impl {
         prosac({given.max_error, std::min(given.max_iterations, kPlaneSamples), given.confidence,
                 given.seed}) {}
 
-  static constexpr int kPlaneSamples = 250;  // a plane with less support is not what is published
+  static constexpr int kPlaneSamples = 250;  // a plane that takes more samples is not published
 
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   bool findEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
@@ -95,7 +95,7 @@ struct TwoViewEstimator::Impl {
   std::vector<double> chance;  // false alarms of each pair; above 1: it does not agree
   std::vector<two_view::Displacement> displaced;
   std::vector<double> angles;
-  double fitted_scale = 0.0;  // of the motion whose covariance was asked for, px
+  double fitted_scale = 0.0;  // scale of the motion whose covariance was asked for, px
   double target_area = 0.0;
 };
 
@@ -151,7 +151,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
 bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                           TwoView& result) {
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
-  // A strip of the limit on both sides of a line, in a square of the covered area.
+  // Chance of a strip of the limit on both sides of a line, in a square of the covered area.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
   // With little parallax, wrong motions agree with most pairs, and so with all of the best ones.
@@ -255,8 +255,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Parallax: of errors from the homography in random directions, how many would be as near to the
-  // epipolar line? The homography is given, so that two pairs determine the rest, the epipole.
+  // Parallax: how many errors from the homography in random directions would be as near to the
+  // epipolar line? Given the homography, two pairs determine the rest, the epipole.
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
@@ -281,8 +281,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Whether the errors that all points share, and noise, explain how the homography differs from
-/// that of a turn: a translation within them is none.
+/// Whether noise and the errors that all points share explain the difference of the homography from
+/// that of a turn: such a translation does not count.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
   if (!cameras || !std::isfinite(log_rotation)) return false;
@@ -304,7 +304,7 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
   constexpr std::size_t kFew = 8;
   constexpr double kOutside = 0.1;  // share of the moving pairs, on each side of the region
   constexpr double kResting = 0.3;  // most of the pairs in the region
-  constexpr double kLargest = 0.5;  // region, of the area of all
+  constexpr double kLargest = 0.5;  // largest region, as a share of the area of all
   if (!std::isfinite(log_rotation)) return false;
   const Eigen::Matrix3d h = cameras->homographyOf(turn.rotation());
   const double limit = kErrors * std::max(result.scale, kLeastScale);
@@ -384,7 +384,7 @@ bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& 
   return 2.0 * map.determinant() < kClearly * map.squaredNorm();
 }
 
-/// The motion of the plane that `pose` is; null: it is not one.
+/// The motion of the plane that equals `pose`; null: none does.
 const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose& pose) const {
   constexpr double kSame = 1e-6;  // rad
   for (const two_view::PlanarMotion& motion : planes) {
@@ -489,7 +489,7 @@ void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, const TwoViewInpu
   if (result.other) result.doubt = Doubt::two_motions_of_a_plane;
 }
 
-/// Takes the answer back; how the models did stays.
+/// Withdraws the answer; the false alarms of the models stay.
 void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
   result.status = Status::model_rejected;
   result.doubt = doubt;

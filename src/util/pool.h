@@ -11,7 +11,7 @@ namespace ktgp_orb::util {
 /// Hands out objects, and takes each one back with its buffers when its last holder lets it go.
 ///
 /// A shared_ptr frees its control block when nobody holds it any more. Here that block lies beside
-/// the object, so that freeing it says that the object is free, and no new one asks the heap. The
+/// the object, so that freeing it says that the object is free, and no new one is allocated. The
 /// lock orders the accesses of the last holder before those of the next; use_count() would not.
 template <typename T>
 class Pool {

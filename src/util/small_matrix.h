@@ -11,7 +11,6 @@ namespace ktgp_orb::util {
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 24, 24>;
 using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
 
-/// The product a b.
 SmallMatrix times(const SmallRef& a, const SmallRef& b);
 /// The covariance of `slope` times a vector with the covariance `covariance`.
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);

@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::alignment {
 
-/// How the surroundings of every match are mapped from reference to target, where no homography
-/// says it. Keeps its buffers.
+/// How the surroundings of every match are mapped from reference to target, where there is no
+/// homography. Keeps its buffers.
 class LocalMaps {
  public:
   /// Parallel arrays of matched points, px; `image`: size of the reference.

@@ -162,7 +162,7 @@ void prepare(const float* patch, PatchTemplate& out) {
   sumProducts(out);
 }
 
-/// 1 4 6 4 1 of sixteen-bit numbers.
+/// The binomial 1 4 6 4 1 of sixteen-bit numbers.
 template <typename V>
 HWY_INLINE V weighted(V a, V b, V c, V d, V e) {
   return hn::Add(hn::Add(hn::Add(a, e), hn::ShiftLeft<2>(hn::Add(b, d))),

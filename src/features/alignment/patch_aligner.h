@@ -9,7 +9,6 @@
 
 namespace ktgp_orb::alignment {
 
-/// Outcome for a point.
 enum class PatchOutcome : std::uint8_t {
   aligned,
   outside,       ///< the patch, or its search window in the target, leaves the image

@@ -44,7 +44,6 @@ class Shrinker {
   int buffered_row_[2] = {-1, -1};  // source rows in the buffers
 };
 
-/// One level of the pyramid.
 struct PyramidLevel {
   cv::Size size;           ///< px
   cv::Mat image;           ///< 8-bit grey; one level is the caller's image itself
@@ -82,7 +81,7 @@ class OrbPyramid {
  private:
   std::vector<PyramidLevel> levels_;
   std::vector<Shrinker> shrinkers_;  // shrinker i makes level i + 1 from level i
-  int first_level_;                  // the caller's image
+  int first_level_;                  // level of the caller's image
   int used_ = 0;
 };
 

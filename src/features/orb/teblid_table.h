@@ -4,7 +4,6 @@
 
 namespace ktgp_orb::orb {
 
-/// Bits of a TEBLID descriptor.
 constexpr int kTeblidBits = 256;
 /// Side of the patch of the table, in px; its centre is the keypoint.
 constexpr int kTeblidPatch = 32;

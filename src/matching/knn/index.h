@@ -27,7 +27,7 @@ class NearestQueries {
   /// Merges the result of another thread.
   void take(const NearestQueries& other);
 
-  /// -1 if there is none.
+  /// The query nearest to the candidate; -1: there is none.
   int query(int candidate) const { return query_[static_cast<std::size_t>(candidate)]; }
 
  private:
@@ -52,7 +52,7 @@ class KnnIndex {
 
  private:
   int lanes_;
-  int candidates_ = 0;  // reference descriptors
+  int candidates_ = 0;  // number of reference descriptors
   int group_count_ = 0;
   std::vector<CacheLine> groups_;
 };

@@ -74,7 +74,7 @@ struct NearCandidates {
   std::ptrdiff_t stride;
   const float* x;  ///< px
   const float* y;
-  const std::int32_t* index;  ///< in the frame
+  const std::int32_t* index;  ///< number of the keypoint in the frame
 };
 
 /// Candidates [begin, end).
@@ -88,7 +88,7 @@ struct NearQuery {
   float x;                         ///< centre of the circle, px
   float y;
   float squared_radius;
-  std::int32_t number;  ///< in its frame
+  std::int32_t number;  ///< number of the query in its frame
   const NearRun* runs;
   int run_count;
 };

@@ -84,9 +84,9 @@ class NearSearch {
   KnnKernel kernel_;
   double radius_;
   util::ThreadPool& pool_;
-  // The reference.
+  // The reference's keypoints by position.
   NearTable table_;
-  // The target.
+  // The target's keypoints by position.
   util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // predicted positions of the keypoints
   std::vector<std::vector<std::int32_t>>

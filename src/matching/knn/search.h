@@ -29,7 +29,7 @@ class KnnSearch {
 
   KnnKernel kernel_;
   util::ThreadPool pool_;
-  KnnIndex index_;                               // the reference
+  KnnIndex index_;                               // layout of the reference
   std::vector<NearestQueries> nearest_queries_;  // one for each thread
 };
 
