@@ -91,8 +91,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPsi = 0.05;
-/// PROSAC does not stop for fewer best pairs than this many samples have: a few pairs close together
-/// agree with models that are wrong elsewhere.
+/// PROSAC does not stop for fewer best pairs than this many samples have: a few pairs close
+/// together agree with models that are wrong elsewhere.
 constexpr std::size_t kMinSamplesLong = 5;
 
 /// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
