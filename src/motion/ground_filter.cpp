@@ -73,10 +73,10 @@ void GroundFilter::setReadout(double seconds) {
 void GroundFilter::limitReadout(double seconds) {
   const double beyond = std::abs(readout_) - seconds;
   if (!(beyond > 0.0)) return;
-  Eigen::Matrix<double, 1, kSize> slope = Eigen::Matrix<double, 1, kSize>::Zero();
-  slope(kReadout) = 1.0;
-  const Eigen::Matrix<double, 1, 1> back(readout_ > 0.0 ? -beyond : beyond);
-  update(back, slope, covariance_(kReadout, kReadout));
+  // The bound is no measurement: one that shrinks the covariance with each image would soon be sure
+  // of a readout time at the bound.
+  const double back = readout_ > 0.0 ? -beyond : beyond;
+  correct(back / covariance_(kReadout, kReadout) * covariance_.col(kReadout));
 }
 
 void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
