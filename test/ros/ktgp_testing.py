@@ -86,6 +86,11 @@ def messages_of(bag, topic):
         return [message for _, message, _ in file.read_messages(topic)]
 
 
+def images_of(count):
+    """As ktgp_bag begins its summary."""
+    return '%d image%s of' % (count, '' if count == 1 else 's')
+
+
 def wait_until(condition, what, timeout=TIMEOUT):
     """Waits for a condition of the live system, in wall time. `what`: text, or what gives it then."""
     end = time.time() + timeout

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-from ktgp_testing import FolderCase, messages_of, view, views, write_bag
+from ktgp_testing import FolderCase, images_of, messages_of, view, views, write_bag
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
 SIZE = 320, 240
@@ -95,11 +95,11 @@ class VideoTest(RecordingCase):
                      'slower.mkv'):
             expected = self.probed(name)
             with self.subTest(name):
-                self.match(name, 'out.bag', '--force', words='%d images of' % len(expected))
+                self.match(name, 'out.bag', '--force', words=images_of(len(expected)))
                 self.check_times(expected, 2e-3)
                 late = int((expected > 0.99).sum())
                 self.match(name, 'out.bag', '--force', '--start', '0.99', code=0 if late else 2,
-                           words='%d images of' % late if late else 'no readable image in the selected time')
+                           words=images_of(late) if late else 'no readable image in the selected time')
 
     @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
     def test_a_video_that_was_cut_off_is_called_so(self):
@@ -240,7 +240,7 @@ class VideoTest(RecordingCase):
         self.write_images('%d.png', pictures(4))
         self.write('images/2.png', 'no image')
         self.match('images/*', 'out.bag', code=1, words=('3 images of /camera/image_raw matched, 1 refused',
-                                                         'the first because: images/2.png: cannot be read as an image'))
+                                                         '1 image could not be used because: images/2.png: cannot be read'))
 
     def test_a_picture_without_its_end_is_refused_and_one_with_more_is_read(self):
         os.mkdir(self.path('images'))

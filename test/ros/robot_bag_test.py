@@ -13,7 +13,7 @@ import cv2
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import FolderCase, Recorder, messages_of, wait_until, write_bag
+from ktgp_testing import FolderCase, Recorder, images_of, messages_of, wait_until, write_bag
 from sensor_msgs.msg import Image
 
 TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
@@ -162,7 +162,7 @@ class BagTest(FolderCase):
                           if info.msg_type in ('sensor_msgs/Image', 'sensor_msgs/CompressedImage')}
             for topic, info in topics.items():
                 self.match(path, '--csv', 'out.csv', topic=topic,
-                           words='%d images of %s' % (info.message_count, topic))
+                           words='%s %s' % (images_of(info.message_count), topic))
                 self.assertEqual(len(self.table()), info.message_count)
 
     # Damage

@@ -99,7 +99,7 @@ class TwoViewTest(MatcherCase):
             write_bag(bag, (FIRST, SECOND), info=information(), rate=1.0)
             run = subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
                                   '--calibration', 'rectified'], check=True, stderr=subprocess.PIPE, text=True)
-            self.assertRegex(run.stderr, r'\n1 motions \(1 epipolar\), median parallax [0-9.]+ degrees, median of ')
+            self.assertRegex(run.stderr, r'\n1 motion \(1 epipolar\), median parallax [0-9.]+ degrees, median of ')
             with rosbag.Bag(out) as file:
                 topics = {topic.split('/')[-1]: message for topic, message, _ in file.read_messages()}
             with open(table) as file:
