@@ -502,8 +502,8 @@ TEST_F(Verdict, RejectsAMirrorImage) {
   EXPECT_NE(estimate(), Status::ok);
 }
 
-// Six exact pairs have an NFA of about 1e-8: enough where the plane is seen whole, too few where the
-// horizon crosses the reference.
+// Six exact pairs have an NFA of about 1e-8: enough where the plane is seen whole, too few where
+// the horizon crosses the reference.
 TEST_F(Verdict, AHorizonInTheImageNeedsMoreEvidence) {
   truth_ << 1, 0, 0, 0, 1, 0, 0, -1.0 / 400.0, 1;  // y = 400 goes to infinity
   const auto grow = [&](std::size_t count) {
