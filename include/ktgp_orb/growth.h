@@ -18,7 +18,7 @@ namespace ktgp_orb {
 /// Options of the search that grows a homography from single matches.
 struct GrowthOptions {
   bool enabled = false;  ///< whether the matcher grows homographies; not in the paper
-  int seeds = 30;        ///< most matches to start from, 1..10000; bounds the work
+  int seeds = 30;        ///< maximum number of matches to start from, 1..10000
   /// Views of a fixed reference that are searched, including the image itself, 0..13. From 5 on,
   /// four views with a tilt of 2 are added, from 13 on eight with a tilt of 4. SequenceMatcher
   /// creates them; HomographyGrowth uses those that it is given.

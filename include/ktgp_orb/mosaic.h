@@ -43,7 +43,7 @@ const char* toString(Placement placement);
 enum class LostBecause : std::uint8_t {
   nothing,    ///< it is not lost
   unmatched,  ///< neither the homographies nor the keyframes lead to it
-  repeats,    ///< the ground looks the same when it is moved, and nothing tells by how much
+  repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
   zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
 };
 

@@ -29,7 +29,7 @@ enum class ImageKeeping : std::uint8_t {
 
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
 struct OrbOptions {
-  int max_features = 2000;    ///< most keypoints, >= 1
+  int max_features = 2000;    ///< maximum number of keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   /// The level that is the image itself, in [0, levels - 1], as in cv::ORB. Those before it are

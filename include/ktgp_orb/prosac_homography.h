@@ -17,7 +17,7 @@ namespace ktgp_orb {
 struct ProsacOptions {
   /// Largest reprojection error of an inlier in the target (exclusive), px, > 0.
   double max_error = 3.0;
-  int max_iterations = 2000;  ///< most samples, 1..1000000
+  int max_iterations = 2000;  ///< maximum number of samples, 1..1000000
   /// 1 - eta0 of the maximality rule: probability that no better model was missed, in (0, 1).
   double confidence = 0.995;
   std::uint64_t seed = 1;  ///< random seed of the sampling; the same seed gives the same answer
@@ -59,8 +59,8 @@ enum class ProsacStop : std::uint8_t {
 /// a program built with another one would read the results at other addresses.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
-/// A homography and its uncertainty: the answer of everything that finds one, and a member of its
-/// result. Initially zero: there is none.
+/// A homography and its uncertainty: the type of the answer in the result of every stage that
+/// estimates a homography. All zero: there is none.
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();

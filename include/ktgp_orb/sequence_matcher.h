@@ -185,8 +185,8 @@ class SequenceMatcher {
   /// are returned here, with their buffers.
   FramePtr newFrame();
 
-  /// The reference of the fixed mode; null: none. In fixed mode its features are found at once if
-  /// it has none, otherwise when they are needed.
+  /// Sets the reference of the fixed mode; null: none. If `frame` has no features yet, they are
+  /// extracted at once in fixed mode, and in other modes when a frame first needs them.
   void setFixedReference(const FramePtr& frame);
   FrameConstPtr fixedReference() const;
   /// The next frame becomes the fixed reference; the frame after it is the first to be matched.

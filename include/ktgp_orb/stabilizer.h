@@ -15,7 +15,7 @@ namespace ktgp_orb {
 struct StabilizerOptions {
   /// s, > 0: faster motion is shake and is removed; slower motion is the path.
   double strength = 0.4;
-  /// Frames to wait for later ones, 0..60: more is steadier, and later.
+  /// Number of later frames to wait for, 0..60: a larger lag gives a steadier picture, but later.
   int lag = 0;
   /// Share of width and height, at each border, that may be cut off, 0.01..0.4. No picture shows
   /// anything beyond the border of its frame: shake that needs more room is limited gently.

@@ -59,15 +59,15 @@ struct TargetFinderOptions {
   /// of the index and one target are always searched. The extraction and the targets of the last
   /// frame come on top.
   double search_ms = std::numeric_limits<double>::infinity();
-  int max_instances = 8;  ///< most copies of one target in a frame, 1..1000
+  int max_instances = 8;  ///< maximum number of copies of one target in a frame, 1..1000
 };
 
 /// A target in a frame.
 struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
-  /// ok; or model_rejected: another target has more support at the same place, or where a part of
-  /// this one was found, so that only one of the two can be there.
+  /// ok; or model_rejected: another target, with more or similar support, is at the same place or
+  /// around the part of this target that was found. Only one of the two can be there.
   Status status = Status::ok;
   std::size_t image = 0;  ///< the image of the target that was found
   cv::Size image_size;    ///< size of that image, px

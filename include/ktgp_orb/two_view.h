@@ -50,7 +50,7 @@ struct TwoViewOptions {
   /// Sampson distance of an inlier of an epipolar geometry, which counts the errors in both images,
   /// is half of it.
   double max_error = 3.0;
-  int max_iterations = 1000;  ///< most samples of each search, 1..1000000
+  int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
   bool homography = true;     ///< false: only an epipolar geometry is looked for
@@ -60,7 +60,8 @@ struct TwoViewOptions {
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
-  bool alignment = true;  ///< TwoViewMatcher: points from the images, where there are images
+  /// TwoViewMatcher only: refine the points by aligning image patches, if the features have images.
+  bool alignment = true;
 };
 
 /// How the target camera moved: x_target ~ R x_reference + t, between points in the two cameras'

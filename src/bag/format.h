@@ -10,8 +10,9 @@
 #include <string_view>
 #include <vector>
 
-/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length is trusted. All
-/// bags are read by this code: a damaged one can crash librosbag, which only writes.
+/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length in the file is
+/// trusted. All bags are read by this code, since a damaged bag can crash librosbag; librosbag is
+/// used only for writing.
 namespace ktgp_orb::bag {
 
 /// The kind of a record: its field "op".

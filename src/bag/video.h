@@ -22,7 +22,8 @@ std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelecti
                                        double rate);
 
 /// Opens all images whose names fit the pattern, "img2.png" before "img10.png", at `rate` images
-/// per second. `longest_side`: larger ones are made so small, px; 0: none. Throws UnusableBag.
+/// per second. `longest_side`: images with a longer side than this are shrunk to it, px; 0: no
+/// limit. Throws UnusableBag.
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
                                         double rate, int longest_side);
 

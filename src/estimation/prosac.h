@@ -49,7 +49,7 @@ void drawDistinct(std::size_t end, std::size_t first, util::Random& random, Pros
 /// last pair.
 class ProsacSampler {
  public:
-  /// `sample_size` m >= 1; `points` N >= m; `budget`: most samples, >= 1.
+  /// `sample_size` m >= 1; `points` N >= m; `budget`: maximum number of samples, >= 1.
   ProsacSampler(std::size_t sample_size, std::size_t points, int budget, std::uint64_t seed);
 
   /// Subtracts samples that were drawn elsewhere from the budget. The growth speeds up, so that the
@@ -113,7 +113,7 @@ class ProsacStopping {
 };
 
 struct ProsacRules {
-  int max_iterations = 2000;    ///< most samples, >= 1
+  int max_iterations = 2000;    ///< maximum number of samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong model, in (0, 1)
   int min_iterations = 0;       ///< fewest samples from the growing set, within the budget

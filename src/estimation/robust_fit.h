@@ -11,7 +11,7 @@
 
 namespace ktgp_orb::estimation {
 
-/// Most parameters of a fit: the eight entries of a homography.
+/// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
 /// A symmetric matrix and a vector over the parameters, without the heap. Their algebra is compiled
 /// once, in the functions below.

@@ -32,7 +32,8 @@ class RobustWeights {
 
   std::size_t size() const { return size_; }
   double dimensions() const { return dimensions_; }
-  /// Measurements with equal factors that give the same variance.
+  /// Effective number of measurements: this many measurements with equal factors would give the
+  /// same variance.
   double equalMeasurements() const { return equal_; }
   /// Degrees of freedom that the fit leaves: d n - parameters, at least 1.
   double freedom() const { return std::max(dimensions_ * equal_ - parameters_, 1.0); }

@@ -110,7 +110,7 @@ std::string leftName(const std::string& target) {
   return {};
 }
 
-/// Throws FileError with the newest error of the system.
+/// Throws FileError with the message of the current errno.
 [[noreturn]] void fail(const std::string& path) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
@@ -307,7 +307,7 @@ void throwUnwritable(const OutputFile& file, const std::string& otherwise) {
 }
 
 void writeText(const std::string& file, const std::string& text, bool force) {
-  if (isStandardOutput(file)) {  // runProgram checks it
+  if (isStandardOutput(file)) {  // runProgram() checks stdout at exit
     std::fwrite(text.data(), 1, text.size(), stdout);
     return;
   }

@@ -24,7 +24,7 @@ struct GrowthPlan {
   /// beyond the reach of the rounds before may be off by this much.
   float settle_radius;
   int last_rounds;           ///< most rounds at the last radius, while there are more matches
-  std::size_t fewest_pairs;  ///< fewest pairs that a round needs
+  std::size_t fewest_pairs;  ///< minimum number of pairs of a round
   /// Pairs within the last radius that round 0 needs, how many more each next round needs, and the
   /// most. A right seed finds several times as many. Wrong seeds take nearly all of the time, and
   /// seldom find as many in two rounds.

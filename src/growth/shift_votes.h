@@ -51,7 +51,7 @@ class ShiftVotes {
   std::vector<Vote> votes_;  // sorted by the shift's x
   Peak own_;
   std::vector<Peak> others_;
-  std::vector<std::size_t> near_;                      // votes near each one
+  std::vector<std::size_t> near_;                      // for each vote, the number of votes near it
   std::vector<std::size_t> order_;                     // order of votes_, the most crowded first
   std::array<std::vector<std::uint64_t>, 2> cells_{};  // cells of the voters, in either image
 };

@@ -16,7 +16,8 @@ namespace {
 /// Ratio by which the image is compressed, and number of directions within half a turn.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// A linear map of the image, and the size of the box around the result, which is in its middle.
+/// An affine map that applies `linear` to the image and centres the result in its bounding box, and
+/// the size of this box, px.
 struct Placed {
   Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
     const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);
@@ -68,14 +69,14 @@ double blurFor(double tilt) {
   return kBlur * std::sqrt(tilt * tilt - 1.0);
 }
 
-/// Blurred in one direction.
+/// `image`, blurred along `direction` with a Gaussian of `sigma` px.
 cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::Mat& image) {
   const int reach = static_cast<int>(std::ceil(3.0 * sigma));
   cv::Mat kernel(2 * reach + 1, 2 * reach + 1, CV_32F);
   for (int y = -reach; y <= reach; ++y) {
     for (int x = -reach; x <= reach; ++x) {
       const double along = (direction.x() * x + direction.y() * y) / sigma;
-      // The kernel is a line, as wide as a pixel.
+      // The kernel is a line one pixel wide.
       const double across = std::abs(direction.x() * y - direction.y() * x);
       kernel.at<float>(y + reach, x + reach) =
           static_cast<float>(std::exp(-0.5 * along * along) * std::max(0.0, 1.0 - across));

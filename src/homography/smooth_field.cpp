@@ -34,7 +34,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
   constexpr double kLength = 0.6;  // share of the diagonal: see the measurement in method.md
-  // Eight entries explain nearly all errors of fewer pairs.
+  // The fit of H's eight entries removes nearly all errors of fewer pairs, so that nothing is left
+  // to estimate the field from.
   constexpr std::size_t kFewest = 12;
   FieldFit result;
   choosePairs(pairs, weights, homography);

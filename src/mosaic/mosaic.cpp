@@ -36,8 +36,9 @@ constexpr double kLeastMotion = 0.03;
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
 constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
-// Keyframes that lead to places farther apart than this share of the shorter side show two places
-// that look alike; shorter periods are seen in the frame itself. Keyframes of a large map may have
+// If two keyframes predict places of the frame that are farther apart than this share of its
+// shorter side, the ground has two places that look alike. (Repetition at shorter distances is
+// detected in the frame itself.) Smaller differences are normal: keyframes of a large map may have
 // drifted apart by some px.
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.

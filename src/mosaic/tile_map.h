@@ -14,7 +14,7 @@ class TileMap {
  public:
   static constexpr int kTileSize = 256;  ///< px
 
-  /// `max_tiles`: most tiles.
+  /// `max_tiles`: maximum number of tiles.
   explicit TileMap(std::size_t max_tiles) : max_tiles_(max_tiles) {}
 
   void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }

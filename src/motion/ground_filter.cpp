@@ -270,8 +270,9 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
-  // A straight flight does not show the shutter, but in time the noise of its flow would look like
-  // knowledge. So a usual readout time has to change the constraints by more than their noise.
+  // A straight flight says nothing about the shutter, yet over many frames the filter would mistake
+  // noise of the flow for information on the readout time. So this information is used only if a
+  // usual readout time changes the constraints by more than their noise.
   if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
     constraints_by_state_.col(kReadout).setZero();
   }
@@ -347,8 +348,8 @@ CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, doubl
 
 }  // namespace
 
-/// The step of the state, to first order, where the ground as a whole turns about the keyframe and
-/// scales: both poses follow, and the pictures stay as they are.
+/// The change of the state, to first order, if the ground as a whole is turned about the keyframe
+/// and scaled: both poses move with the ground, so the images do not change.
 GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
                                              const CameraPose& keyframe) const {
   const auto step_of = [&](const CameraPose& pose) {

@@ -31,8 +31,9 @@ struct SeenTurn {
 /// would disagree, which would turn the large uncertainty of x, y and yaw into wrong corrections.
 class GroundFilter {
  public:
-  /// Errors: x, y and yaw of the frame of the keyframe (3), the readout time (1), E of the map (8),
-  /// steps of the pose before (6) and of the pose now (6).
+  /// First index of each part of the error state: x, y and yaw of the keyframe's frame (3 entries),
+  /// the readout time (1), E of the map (8), the pose of the previous frame (6) and of the newest
+  /// frame (6). kSize is the number of entries.
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
   /// Readout time of the shutter, s; 0: a global shutter, -1: not known.

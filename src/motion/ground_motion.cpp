@@ -122,8 +122,9 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   return estimate;
 }
 
-/// A single frame whose stamp goes back is left out: its stamp may be wrong. With a second one that
-/// follows it, it is a looped recording, or a clock that was set, and everything begins anew.
+/// Whether the frame is left out because its stamp goes back. A single such frame is left out,
+/// since its stamp may be wrong. If the next frame continues from that stamp, the recording was
+/// looped or the clock was set, and everything begins anew.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   const std::optional<std::int64_t> apart = std::exchange(apart_stamp, std::nullopt);
   if (!has_frame || frame.stamp > newest_stamp) return false;

@@ -29,8 +29,8 @@ class Shutter {
   std::int64_t stamp_ = 0;
   std::int64_t reference_stamp_ = 0;
   ImageMotion motion_;
-  // For the points x of a picture, dx/dt is that of the projection of (x, 1) + dt F (x, 1), where F
-  // has these entries row by row, and F(2,2) = 0.
+  // Flow of the image: the entries of F row by row, with F(2,2) = 0. After a short time dt a point
+  // x has moved to the projection of (x, 1) + dt F (x, 1).
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
   // Running mean of the squares of the changes of the flow, in units of its noise; and the number

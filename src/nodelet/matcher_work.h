@@ -23,7 +23,7 @@ struct MatcherFacts {
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last failure of a frame with a reference
-  std::atomic<bool> finds_geometries{false};  ///< geometries without a homography, too
+  std::atomic<bool> finds_geometries{false};  ///< two-view geometries are estimated, too
 };
 
 /// Work of the matcher: matches an image, publishes what has subscribers. Belongs to the

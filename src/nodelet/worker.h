@@ -17,9 +17,9 @@
 
 namespace ktgp_orb {
 
-/// Passes items from any number of threads to one, in the order of their arrival. What arrives
-/// faster than it is taken is dropped, the oldest first, by the limits of its kind; the newest item
-/// of a kind always stays.
+/// A queue that passes items from any number of threads to one, in the order of their arrival. If
+/// the items of a kind exceed its limits, the oldest are dropped; the newest item of a kind is
+/// always kept.
 template <typename Item>
 class Inbox {
  public:

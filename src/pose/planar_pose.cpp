@@ -26,7 +26,7 @@ using Vector8 = Eigen::Matrix<double, 8, 1>;
 
 /// Reference image, px -> target, m.
 Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
-  const double metre = width / size.width;  // a pixel is a square of that side
+  const double metre = width / size.width;  // side of a pixel on the target, m
   Eigen::Matrix3d m;
   m << metre, 0.0, -0.5 * metre * (size.width - 1), 0.0, metre, -0.5 * metre * (size.height - 1),
       0.0, 0.0, 1.0;
@@ -140,9 +140,10 @@ Eigen::Vector3d rotationBetween(const Eigen::Matrix3d& from, const Eigen::Matrix
   return between.angle() * between.axis();
 }
 
-/// Where large errors leave one minimum of the two, the other solution of IPPE still explains the
-/// homography nearly as well, and the covariance of the minimum does not reach as far. Its rotation
-/// is held.
+/// The second pose of an ambiguous view. If errors are large, the fit can have a single minimum,
+/// although the other solution of IPPE explains the homography nearly as well and lies outside the
+/// covariance of that minimum. Fits only the position, with the rotation of the other solution
+/// held; empty if there is no such solution.
 std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PoseProblem& problem,
                                            const std::vector<Eigen::Isometry3d>& starts) {
   constexpr double kReached = 11.34;  // chi-square of three degrees of freedom, 99 %

@@ -57,7 +57,7 @@ class GroundReadings {
   /// Which reading of the newest frame is missing, or contradicts the others so that it hardly
   /// counts, with the likely cause; empty: none.
   std::string notUsed(const GroundEstimate& estimate) const;
-  /// The sources in words.
+  /// Where the height and the normal come from, in words for messages.
   std::string heightSource() const;
   std::string normalSource() const;
 

@@ -27,8 +27,8 @@ class ReferenceKeeper {
   /// homography, the previous frame becomes the keyframe, and the chain of homographies continues.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
-  /// Call it after all matching of `frame`. `result`: the final match, to `reference`; null if
-  /// there was no reference.
+  /// Updates the reference and the chain of homographies after `frame` has been matched. `result`:
+  /// the final match, to `reference`; null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
   /// Homography from the first frame of the unbroken sequence to the last frame; empty in fixed

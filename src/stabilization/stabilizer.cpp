@@ -13,7 +13,8 @@ namespace {
 
 using util::requireInRange;
 
-constexpr double kReach = 3.0;         // standard deviations of the weights that are used
+// Frames farther away in time, in standard deviations of the weights, are not used.
+constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
 // Share of the margin within which shake is removed whole. Without later frames it needs more room.

@@ -151,8 +151,9 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
-/// All decoys together, with one hit in advance; `largest`: the highest share of a decoy with at
-/// least `fewest` pairs of blocks.
+/// Sum of the agreements at all decoy positions (the picture shifted by up to kDecoyReach blocks),
+/// plus one hit in one pair, so that the rate of chance hits is never 0. `largest`: raised to the
+/// highest share of hits at a shift with at least `fewest` pairs of blocks.
 Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
   Agreement decoys{1.0, 1.0};
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {

@@ -93,8 +93,8 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether `one` is much less likely by chance than `other`. Where only a part that both have is
-/// seen, both have nearly the same support, and either may be there.
+/// Whether `one` is much less likely by chance than `other`. If only a part that both targets share
+/// is in view, their support is nearly equal, and either may be there.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
@@ -173,7 +173,8 @@ std::string ambiguityOf(const TargetPicture& picture) {
 }
 
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
-  constexpr double kMost = 0.7;       // share of the points within the other one
+  // Least share of a target's points inside the other target's outline.
+  constexpr double kMost = 0.7;
   constexpr double kSamePlace = 0.5;  // share of the area
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;

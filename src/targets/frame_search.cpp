@@ -21,7 +21,7 @@ constexpr std::int32_t kFewestVotes = 5;
 // The same for another instance of a target that was found: most frames have one only.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
-// Votes of the best seed before the thorough tables are used.
+// The thorough tables are searched only if the best seed has at least this many votes.
 constexpr std::int32_t kFewestThoroughVotes = 8;
 
 }  // namespace

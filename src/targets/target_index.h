@@ -60,10 +60,11 @@ class TargetIndex {
   void keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const;
 
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
-  std::vector<std::uint8_t> is_used_;                       // for each number: entries may be left
-  std::vector<Segment> segments_;                           // the largest first
-  std::size_t removed_ = 0;                                 // entries of removed pictures
-  bool is_changing_ = false;  // pictures have changed since the last optimise()
+  // By picture number: 1 while segments may hold entries of the picture.
+  std::vector<std::uint8_t> is_used_;
+  std::vector<Segment> segments_;  // the largest first
+  std::size_t removed_ = 0;        // entries of removed pictures
+  bool is_changing_ = false;       // pictures have changed since the last optimise()
   // Queries are searched in blocks: the memory for one is fetched during the work on the others.
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;

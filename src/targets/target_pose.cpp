@@ -82,7 +82,8 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
 
 void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
                                       UncertainHomography& answer) {
-  constexpr double kLongest = 0.2;  // s: a hand may have changed its speed after longer
+  // Seconds; over a longer time a hand-held camera may have changed its speed.
+  constexpr double kLongest = 0.2;
   const auto age = [&](const Seen& one) { return 1e-9 * static_cast<double>(stamp - one.stamp); };
   seen.erase(std::remove_if(seen.begin(), seen.end(),
                             [&](const Seen& one) { return !(std::abs(age(one)) < kLongest); }),

@@ -282,7 +282,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 files::OutputPlan planOutputs(const CLI::App& app, bool force) {
   files::OutputPlan::Given given;
   for (const CLI::Option* const option : app.get_options()) {
-    // get_name() is empty for what --help does not show.
+    // get_name() is empty for options that --help does not show.
     const std::vector<std::string>& names = option->get_lnames();
     const std::string name = names.empty() ? option->get_name() : "--" + names.front();
     for (const std::string& value : option->results()) given.push_back({name, value});

@@ -18,8 +18,8 @@ namespace {
 
 using nlohmann::json;
 
-/// A larger standard deviation of a corner, px, deserves a warning: a match counts as right within
-/// it.
+/// A standard deviation of a corner above this, px, gets a warning: this is the largest error with
+/// which a match still counts as right.
 constexpr double kUncertainCorner = 3.0;
 
 /// Why a stage has no numbers; empty: it ran.

@@ -58,8 +58,9 @@ class Hypotheses {
   const EpipolarPairs* pairs_ = nullptr;
   EpipolarFit fit_;
   double range_ = 1.0;
-  double scale_ = 1.0;             // scale of the distances
-  double share_[2] = {0.5, 0.5};   // shares of right pairs: precise ones, others
+  double scale_ = 1.0;  // scale of the distances
+  // Share of right pairs among the precise pairs [0] and among the others [1].
+  double share_[2] = {0.5, 0.5};
   std::vector<std::size_t> cell_;  // cell of each pair
   std::vector<double> off_plane_;  // distance of each pair over its deviation
   mutable std::vector<double> cells_;

@@ -66,9 +66,9 @@ class RotationFit {
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
-  /// Covariance of small rotations about the target camera's axes, rad². It contains the noise,
-  /// errors of the deviation `shared`, px, that vary linearly over the image, and the effect of a
-  /// parallax of `unseen` px that does not show.
+  /// Covariance of small rotations about the target camera's axes, rad². It includes the noise;
+  /// errors with standard deviation `shared`, px, that vary linearly over the image; and the effect
+  /// of an undetected parallax of `unseen` px.
   Eigen::Matrix3d covariance(double shared, double unseen) const;
   /// Standard deviation of one coordinate, px.
   double scale() const { return fit_.weights().scale(); }

@@ -295,15 +295,15 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
-/// Whether a turn, or standing still, explains most inliers to within their errors, and the others
-/// are alone in one region: something that moves looks like depth there.
+/// Whether a rotation or a standing camera explains most inliers to within their errors, and all
+/// other inliers lie in one region: then a moving object there may be mistaken for depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
   constexpr double kErrors = 4.0 * 1.5;  // scales of Sampson distances, for both coordinates
   constexpr double kLeastScale = 0.1;    // px
   constexpr std::size_t kFew = 8;
   constexpr double kOutside = 0.1;  // share of the moving pairs, on each side of the region
-  constexpr double kResting = 0.3;  // most of the pairs in the region
+  constexpr double kResting = 0.3;  // largest share of resting pairs among those in the region
   constexpr double kLargest = 0.5;  // largest region, as a share of the area of all
   if (!std::isfinite(log_rotation)) return false;
   const Eigen::Matrix3d h = cameras->homographyOf(turn.rotation());

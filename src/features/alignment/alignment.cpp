@@ -17,7 +17,7 @@ namespace {
 
 using alignment::bestAlignmentKernels;
 
-constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
+constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
 
 /// The counter of each outcome, in the order of PatchOutcome; aligned points are in `points`.

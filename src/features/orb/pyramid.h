@@ -81,7 +81,7 @@ class OrbPyramid {
  private:
   std::vector<PyramidLevel> levels_;
   std::vector<Shrinker> shrinkers_;  // shrinker i makes level i + 1 from level i
-  int first_level_;                  // level of the caller's image
+  int first_level_;                  // index in levels_ of the level of the caller's image
   int used_ = 0;
 };
 

@@ -38,7 +38,7 @@ class TeblidDescriber {
   std::vector<float> sizes_;
   const OrbKernels* kernels_;
   cv::Mat integral_;
-  std::vector<TeblidScale> scales_;  // by octave, for rows as long as those of integral_
+  std::vector<TeblidScale> scales_;  // one per octave; valid only for the row length of integral_
 };
 
 }  // namespace ktgp_orb::orb
