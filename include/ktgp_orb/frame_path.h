@@ -24,7 +24,7 @@ class FramePath {
   bool add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography);
 
-  /// The homography frame `from` -> frame `to`; empty where one of them is not stored.
+  /// The homography frame `from` -> frame `to`; empty if one of them is not stored.
   std::optional<Eigen::Matrix3d> between(std::int64_t from, std::int64_t to) const;
 
   void clear();

@@ -100,7 +100,7 @@ struct MatchHints {
   /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
   /// K of images without distortion, px, for the two-view geometry; empty: not known, and there is
-  /// no motion. The target's: empty where it is the reference's, whose image then has the same
+  /// no motion. The target's: empty if it is the reference's, whose image then has the same
   /// size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;

@@ -42,7 +42,7 @@ double retention(std::size_t kept, std::size_t total);
 /// REP (Eq. 9): matched keypoints over detected keypoints, both counted in both images; 0 for none.
 double matchedShare(std::size_t matches, const Features& reference, const Features& target);
 
-/// x' ~ H x in pixels; infinite where H maps x to the horizon or behind it. H may have any scale
+/// x' ~ H x in pixels; infinite if H maps x to the horizon or behind it. H may have any scale
 /// and sign, and its origin may be behind the horizon. A mirrored view (det H < 0 where the plane
 /// is seen) is detected only for an affine H.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x);
@@ -60,7 +60,7 @@ std::size_t countWithin(const std::vector<double>& errors, double threshold);
 double precision(const std::vector<double>& errors, double threshold);
 
 /// Mean distance, px, between the corners of an image of `reference_size` mapped by the two
-/// homographies; infinite where one of them is the zero matrix or maps a corner to infinity.
+/// homographies; infinite if one of them is the zero matrix or maps a corner to infinity.
 double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& truth,
                    const cv::Size& reference_size);
 

@@ -76,7 +76,7 @@ class Mosaic {
   /// Called with the map, as image() gives it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Pose of the last placed frame: map -> frame, px; empty where it is lost.
+  /// Pose of the last placed frame: map -> frame, px; empty if it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;

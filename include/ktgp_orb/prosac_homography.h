@@ -64,7 +64,7 @@ using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN if H(2,2) is near
   /// zero, which can happen when the origin is far from all points and the reference size is not
   /// given. It covers the noise of the points and the part of their errors that varies smoothly
   /// over the image (the scene is not quite a plane, the lens bends, the shutter rolls). It cannot

@@ -72,7 +72,7 @@ const char* toString(NoReference reason);
 struct Frame {
   std::int64_t stamp = 0;  ///< time of the image, ns since any epoch
   std::string encoding;    ///< the caller's name of the camera's pixel format; may be empty
-  cv::Mat image;           ///< CV_8UC1; empty where the caller has only the features
+  cv::Mat image;           ///< CV_8UC1; empty if the caller has only the features
   /// CV_8UC1, the size of `image`: keypoints are found where it is not zero. Empty: everywhere.
   cv::Mat mask;
   /// If set, the keypoints are moved to their positions without distortion. There is no sub-pixel
@@ -118,7 +118,7 @@ struct SequenceMatch {
   /// From the first frame of an unbroken sequence to this one; empty at its start, in fixed mode
   /// and without a homography. The covariance is propagated to first order: noise adds up in
   /// squares, smooth errors linearly. (The keypoint errors of a frame enter two of the multiplied
-  /// homographies with opposite signs, so this is rather too large.) It is NaN where that of one
+  /// homographies with opposite signs, so this is rather too large.) It is NaN if that of one
   /// of them is. The deviation from a plane is the largest of them.
   std::optional<UncertainHomography> accumulated;
   std::int64_t first_stamp = 0;  ///< with `accumulated`: of that first frame, ns

@@ -101,7 +101,7 @@ class BagMessages {
 };
 
 struct RecordedImage {
-  sensor_msgs::ImageConstPtr image;  ///< null where it cannot be decoded
+  sensor_msgs::ImageConstPtr image;  ///< null if it cannot be decoded
   ros::Time received;
   std::string problem{};  ///< the reason, if there is no image
 };

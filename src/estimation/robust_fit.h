@@ -44,7 +44,7 @@ struct FitRules {
 
 enum class FitEnd { undetermined, most_steps, converged };
 
-/// The step d with a (J'wJ + damping diag(J'wJ)) d = -J'we; false where it is not determined, or is
+/// The step d with a (J'wJ + damping diag(J'wJ)) d = -J'we; false if it is not determined, or is
 /// longer than the rules allow. a, derivative over weight, turns J'wJ into the second derivative of
 /// the likelihood: without it each step would be too short, since the weights fall with the errors.
 bool findStep(const NormalEquations& sums, double damping, const FitRules& rules, Step& step);
@@ -70,7 +70,7 @@ class RobustFit {
   const RobustWeights& weights() const { return weights_; }
   const NormalEquations& sums() const { return sums_; }
 
-  /// One step without damping, with the scale that was set. False where it is not determined.
+  /// One step without damping, with the scale that was set. False if it is not determined.
   bool step(Problem& problem, const FitRules& rules, State& state) {
     problem.linearise(state, weights_, sums_);
     if (!findStep(sums_, 0.0, rules, step_)) return false;

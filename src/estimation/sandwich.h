@@ -13,9 +13,9 @@ namespace ktgp_orb::estimation {
 /// bread is the inverse of the second derivative of the likelihood, the meat the covariance of its
 /// gradient, the sum of the pulls J' w e.
 
-/// Infinite where the measurements do not determine the parameters.
+/// Infinite if the measurements do not determine the parameters.
 Information breadOf(const NormalEquations& sums);
-/// The inverse of J' w J alone, also infinite where that is singular.
+/// The inverse of J' w J alone, also infinite if that is singular.
 Information inverseOf(const util::SmallRef& squares);
 
 Information sandwich(const util::SmallRef& bread, const util::SmallRef& meat);

@@ -19,7 +19,7 @@ class FileError : public std::runtime_error {
 void requireRegularFile(const std::string& file);
 
 /// Kind of a file that the libraries here cannot read, by its first bytes, and the remedy: "is a
-/// HEIC picture; convert it ...". Empty where that is not known.
+/// HEIC picture; convert it ...". Empty if that is not known.
 std::string unreadableFormat(const std::string& file);
 
 /// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that

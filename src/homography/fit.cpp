@@ -153,7 +153,7 @@ HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
 }
 
 /// The distance in the reference, px, over which the displacement changes by a pixel, at the middle
-/// of the points. Infinite where all points move alike.
+/// of the points. Infinite if all points move alike.
 double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography) {
   const Eigen::Matrix2d slope =
       homography.topLeftCorner<2, 2>() -

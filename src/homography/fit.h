@@ -47,7 +47,7 @@ class HomographyProblem {
   float cost(const Eigen::Matrix3d& homography, float give_up) const {
     return msacCost(pairs_->scoring, homography, pairs_->limit, give_up);
   }
-  /// False where the pairs within reach are not more than a sample, or do not determine H.
+  /// False if the pairs within reach are not more than a sample, or do not determine H.
   bool refine(double widening, Eigen::Matrix3d& homography);
   std::size_t findInliers(const Eigen::Matrix3d& homography,
                           std::vector<std::uint8_t>& inlier) const {
@@ -89,7 +89,7 @@ class HomographyFit {
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// True where the pairs of the last fit determine the image corners, also when any quarter of the
+  /// True if the pairs of the last fit determine the image corners, also when any quarter of the
   /// pairs is left out. `homography`: the result of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;

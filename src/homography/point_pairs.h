@@ -172,7 +172,7 @@ struct NormalisedPairs {
   }
 
   /// The reverse, with H(2,2) = 1: the third coordinate is positive at the centre of the reference
-  /// points. Empty where H is not the view of a plane from one side.
+  /// points. Empty if H is not the view of a plane from one side.
   std::optional<Eigen::Matrix3d> fromPixels(const Eigen::Matrix3d& pixel) const {
     constexpr double kSingular = 1e-12;  // the determinant, of entries of the order of 1
     Eigen::Matrix3d h = target.matrix() * pixel * reference.inverse();

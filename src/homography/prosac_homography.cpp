@@ -29,7 +29,7 @@ struct ProsacHomography::Impl {
   void judge(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 };
 
-/// The search; false where no sample gave a homography.
+/// The search; false if no sample gave a homography.
 bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   const std::optional<Eigen::Matrix3d>& initial,
                                   ProsacResult& result) {

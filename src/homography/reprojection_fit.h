@@ -29,11 +29,11 @@ class ReprojectionFit {
   /// weighted pairs.
   void weighByCell(double cell);
 
-  /// One step with the given scale of the errors; false where H is not determined.
+  /// One step with the given scale of the errors; false if H is not determined.
   bool step(double scale, Eigen::Matrix3d& homography);
 
   /// The fit to convergence. The scale of the errors, in units of the target, is estimated together
-  /// with H, beginning with the given one and not below `min_scale`. False where the pairs do not
+  /// with H, beginning with the given one and not below `min_scale`. False if the pairs do not
   /// determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
@@ -41,7 +41,7 @@ class ReprojectionFit {
   Matrix8 covariance() const;
 
   /// The covariance from the first `count` pairs, without each pair whose index modulo `folds` is
-  /// `fold`. Infinite where the rest does not determine H.
+  /// `fold`. Infinite if the rest does not determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 

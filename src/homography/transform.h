@@ -38,13 +38,13 @@ Eigen::Matrix<double, 2, 8> jacobianByEntries(const Eigen::Matrix3d& homography,
 /// Derivative of the mapped point by the point.
 Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// Scales H to H(2,2) = 1, or to length 1 and returns false where that is not possible.
+/// Scales H to H(2,2) = 1, or to length 1 and returns false if that is not possible.
 bool scaleLastToOne(Eigen::Matrix3d& homography);
 
 /// Corners of the image, in pixels; of the points' bounding box where the size is empty.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
-/// True where H can show the plane over the whole image from one side: it mirrors nothing (det H >
+/// True if H can show the plane over the whole image from one side: it mirrors nothing (det H >
 /// 0 with a positive third coordinate), and its horizon, the line that is mapped to infinity, stays
 /// clear of the corners and so of the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
@@ -63,7 +63,7 @@ struct CornerDeviation {
 };
 
 /// The root of the trace of the covariance propagated from that of H's first eight entries, with
-/// H(2,2) = 1, in the units of H. Infinite where undefined.
+/// H(2,2) = 1, in the units of H. Infinite if undefined.
 CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
                                 const FourPoints& corners);

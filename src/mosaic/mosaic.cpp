@@ -208,7 +208,7 @@ struct Mosaic::Impl {
   /// Whether the pose may be wrong by a period of ground that repeats: it is more than half a
   /// period from the place that the last velocity predicts or, where that velocity is old or the
   /// frame has moved by half a period since, from the place that the chain of homographies
-  /// predicts. True where neither is known.
+  /// predicts. True if neither is known.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {

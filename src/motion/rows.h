@@ -55,7 +55,7 @@ bool looksDown(const Eigen::Vector3d& down);
 /// Whether the beam of a range sensor, if there is one, meets the ground.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
 bool meetsGround(const HeightReading& reading, const CameraPose& pose);
-/// `rise`: vertical velocity, m/s. The residual is infinite where the beam does not meet the
+/// `rise`: vertical velocity, m/s. The residual is infinite if the beam does not meet the
 /// ground.
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);

@@ -38,7 +38,7 @@ cv::Point subpixel(const cv::Point2f& p) {
   return subpixel(p.x, p.y);
 }
 
-/// The image as the background of what is drawn on it; false where it is empty.
+/// The image as the background of what is drawn on it; false if it is empty.
 bool drawDimmed(const cv::Mat& image, double share, double offset, cv::Mat& canvas) {
   canvas.create(image.size(), CV_8UC3);
   if (canvas.empty()) return false;

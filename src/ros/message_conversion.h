@@ -34,7 +34,7 @@ struct MatchedFrame {
   std::uint64_t repeated = 0;
 };
 
-/// The messages of the topics in topics.def; null where there is nothing to say.
+/// The messages of the topics in topics.def; null if there is nothing to say.
 #define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> make(const MatchedFrame&);
 #define KTGP_LIVE_TOPIC KTGP_TOPIC
 #include "ros/topics.def"

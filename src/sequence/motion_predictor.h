@@ -14,7 +14,7 @@ namespace ktgp_orb::sequence {
 class MotionPredictor {
  public:
   /// Predicted homography from `reference` to `next`. Assumes no motion where it is not known, for
-  /// example after a gap. Empty where the position of the last frame, seen from `reference`, is not
+  /// example after a gap. Empty if the position of the last frame, seen from `reference`, is not
   /// known.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 

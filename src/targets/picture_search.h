@@ -53,7 +53,7 @@ class PictureSearch {
   /// Compares the images again if they agreed little before the alignment. False if most of what is
   /// in view looks different.
   bool confirm(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
-  /// False where so little of the picture is in view that its corners could be anywhere.
+  /// False if so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundTarget& found);
 
   /// log10 of the false alarms expected of one target that is searched anywhere, and of one that is

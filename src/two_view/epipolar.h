@@ -114,17 +114,17 @@ class EpipolarFit {
   /// Stored by reference; best quality first.
   void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
 
-  /// One step over the best pairs within `reach`. False where these are not more than a sample, or
+  /// One step over the best pairs within `reach`. False if these are not more than a sample, or
   /// do not determine it.
   bool step(double reach, Epipolar& geometry);
 
   /// Fits to convergence, over all pairs within twice the limit; the scale of the errors is
-  /// estimated, too. False where the pairs do not determine the geometry.
+  /// estimated, too. False if the pairs do not determine the geometry.
   bool minimise(Epipolar& geometry);
 
   /// Covariance of the parameters after minimise(). Errors of pairs in one of the cells, `cell`
   /// normalised units wide, may be correlated (Liang & Zeger, Biometrika 1986). `shared`: standard
-  /// deviation of errors that vary linearly over the image, normalised units. Infinite where it is
+  /// deviation of errors that vary linearly over the image, normalised units. Infinite if it is
   /// not known.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 

@@ -60,7 +60,7 @@ struct RotationProblem {
 /// The rotation of maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
-  /// Fits the rotation over the pairs near `homography`, which has `inliers`; false where it
+  /// Fits the rotation over the pairs near `homography`, which has `inliers`; false if it
   /// explains less than half of them. `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);

@@ -393,7 +393,7 @@ const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose&
   return nullptr;
 }
 
-/// NaN where the pairs do not determine the motion.
+/// NaN if the pairs do not determine the motion.
 Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const PointPairs& pairs,
                                                  const TwoViewInput& input) {
   constexpr double kMostTurn = 0.1;    // rad, standard deviation
@@ -422,7 +422,7 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
 }
 
 /// Sets the likeliest motion and another one that is not excluded, and lets the covariance span all
-/// of these. False where the pairs do not determine the likeliest.
+/// of these. False if the pairs do not determine the likeliest.
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
@@ -504,7 +504,7 @@ void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
   result.inliers = 0;
 }
 
-/// False where the inliers do not determine the geometry.
+/// False if the inliers do not determine the geometry.
 bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                          TwoView& result) {
   if (cameras) {

@@ -5,7 +5,7 @@
 namespace ktgp_orb::util {
 
 /// Where a picture of four channels, the last of which is opacity, is at least half opaque: 255,
-/// elsewhere 0 (CV_8UC1). Empty where opacity says nothing: it is on one side everywhere, as of
+/// elsewhere 0 (CV_8UC1). Empty if opacity says nothing: it is on one side everywhere, as of
 /// drivers that leave it zero, or there are fewer channels.
 cv::Mat visiblePart(const cv::Mat& picture);
 

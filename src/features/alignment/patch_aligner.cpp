@@ -144,7 +144,7 @@ struct Texture {
   double xx, xy, yy;
   double determinant;
 
-  /// Empty where the patch has too little texture to locate it.
+  /// Empty if the patch has too little texture to locate it.
   static std::optional<Texture> of(const PatchTemplate& patch) {
     constexpr double kLeast = 500.0;  // grey values² per px², summed over the patch
     if (!(patch.tt > kLeast)) return std::nullopt;
@@ -160,7 +160,7 @@ struct Texture {
   }
 };
 
-/// The upper left pixel of the window in which a patch with this corner can move; empty where the
+/// The upper left pixel of the window in which a patch with this corner can move; empty if the
 /// window is not in the image.
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
   constexpr double kFar = 1e6;     // far outside any image, but still an int
@@ -177,7 +177,7 @@ std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const
   return Eigen::Vector2i(left, top);
 }
 
-/// How far the patch is from where it fits best, by the sums at its position; empty where they do
+/// How far the patch is from where it fits best, by the sums at its position; empty if they do
 /// not correlate. `correlation`: NCC².
 std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, double tt,
                                         double& correlation) {
