@@ -63,6 +63,7 @@ struct TwoViewEstimator::Impl {
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
   bool isTurn(const PointPairs& pairs) const;
+  void doubtRepetition(const TwoViewInput& input, TwoView& result) const;
   bool movesInOneRegion(const PointPairs& pairs, const TwoView& result) const;
   void doubtTheTravel(TwoView& result) const;
   bool setMotions(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
@@ -133,8 +134,8 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (has_plane) result.homography = plane.answer.homography;
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
     if (setEpipolar(pairs, input, result)) {
-      if (isMirrored(pairs, result)) refuse(Doubt::mirrored, result);
-      return;
+      if (isMirrored(pairs, result)) return refuse(Doubt::mirrored, result);
+      return doubtRepetition(input, result);
     }
     result.status = Status::model_rejected;
     result.doubt = Doubt::undetermined;
@@ -146,6 +147,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   } else {
     setPlane(pairs, input, result);
   }
+  doubtRepetition(input, result);
 }
 
 bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
@@ -333,6 +335,34 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
+/// The most precise pairs are those whose patches look alike, and nearly all of them agree with a
+/// right motion: 85 % or more in 340 of 351 pairs of 21 sets. Where a texture repeats itself, many
+/// do not, as in all 20 pairs of a drawn facade and a chessboard. The motion may then be wrong by
+/// any number of periods.
+void TwoViewEstimator::Impl::doubtRepetition(const TwoViewInput& input, TwoView& result) const {
+  constexpr double kLeastShare = 0.85;
+  constexpr std::size_t kFew = 8;      // pairs that do not agree
+  constexpr double kOpenTurn = 0.2;    // rad, standard deviation
+  constexpr double kOpenAcross = 1.0;  // rad, of the direction of the translation
+  if (!cameras || input.deviations == nullptr) return;
+  std::size_t precise = 0;
+  std::size_t agree = 0;
+  for (std::size_t i = 0; i < result.mask.size(); ++i) {
+    if ((*input.deviations)[i] > 1.0) continue;
+    ++precise;
+    agree += result.mask[i];
+  }
+  if (precise - agree < kFew ||
+      static_cast<double>(agree) >= kLeastShare * static_cast<double>(precise)) {
+    return;
+  }
+  result.doubt = Doubt::repetitive;
+  const Eigen::Vector3d& t = result.pose.translation;
+  result.pose_covariance.topLeftCorner<3, 3>() +=
+      kOpenAcross * kOpenAcross * (Eigen::Matrix3d::Identity() - t * t.transpose());
+  result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += kOpenTurn * kOpenTurn;
+}
+
 /// Adds the turn as the other explanation: the direction of the translation is then open.
 void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   constexpr double kEven = 0.5;
@@ -440,12 +470,16 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
   result.probability = 1.0;
   const Eigen::Matrix<double, 6, 6> inverse =
       Eigen::Matrix<double, 6, 6>(own).completeOrthogonalDecomposition().pseudoInverse();
+  Covariance6 across_best = Covariance6::Identity();
+  across_best.topLeftCorner<3, 3>() -= best.translation * best.translation.transpose();
   for (std::size_t i = 1; i < list.size(); ++i) {
     const double probability = list[i].probability;
     const RelativePose& pose = list[i].geometry.motion;
     const Eigen::Matrix<double, 6, 1> step = two_view::stepBetween(best, pose);
     if (!(probability > kExcluded) || step.dot(inverse * step) < kApart) continue;
+    const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
+    if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
     // A difference of directions is shorter than the arc.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
@@ -455,7 +489,7 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     if (result.other) continue;
     result.probability = list.front().probability / (list.front().probability + probability);
     result.other = OtherMotion{planar(pose) != nullptr ? Geometry::plane : Geometry::epipolar, pose,
-                               covarianceOf(pose, pairs, input), 1.0 - result.probability};
+                               its, 1.0 - result.probability};
   }
   return true;
 }

@@ -563,6 +563,27 @@ TEST(TwoView, SaysThatARegionMayMove) {
   EXPECT_GE(said, travelled / 4);  // 47 of 176 when the bound was set
 }
 
+/// Half of the precise pairs are a period off, so that either half may be the right one.
+TEST(TwoView, SaysThatATextureRepeatsItself) {
+  Numbers numbers(36);
+  TwoViewEstimator estimator;
+  TwoView result;
+  int said = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    World world(Shape::plane, numbers, 300, 20, 0.2);
+    const std::vector<double> deviations(world.pairs.size(), 1.0);
+    for (std::size_t i = 0; i < world.right; i += 2) {
+      world.pairs.target[i] += Eigen::Vector2d(60.0, 0.0);
+    }
+    TwoViewInput input = world.input();
+    input.deviations = &deviations;
+    estimator.estimate(world.pairs, input, result);
+    if (result.geometry == Geometry::none) continue;
+    said += result.doubt == Doubt::repetitive && normalisedError(world, result, 5) < 20.5;
+  }
+  EXPECT_GE(said, kRuns * 97 / 100);
+}
+
 /// Symmetric parts agree with a motion over horizontal epipolar lines.
 TEST(TwoView, AMirrorImageHasNoMotion) {
   Numbers numbers(35);
