@@ -129,25 +129,26 @@ void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacob
 template <typename Problem, typename State>
 void lineariseEach(const Problem& problem, const State& state, RobustWeights& weights,
                    NormalEquations& sums) {
-  constexpr int d = Problem::kResiduals;
-  constexpr int p = Problem::kParameters;
-  Eigen::Matrix<double, p, p> squares = Eigen::Matrix<double, p, p>::Zero();
-  Eigen::Matrix<double, p, 1> gradient = Eigen::Matrix<double, p, 1>::Zero();
-  Eigen::Matrix<double, d, 1> residual;
-  Eigen::Matrix<double, d, p> jacobian;
+  constexpr int kResiduals = Problem::kResiduals;
+  constexpr int kParameters = Problem::kParameters;
+  Eigen::Matrix<double, kParameters, kParameters> squares =
+      Eigen::Matrix<double, kParameters, kParameters>::Zero();
+  Eigen::Matrix<double, kParameters, 1> gradient = Eigen::Matrix<double, kParameters, 1>::Zero();
+  Eigen::Matrix<double, kResiduals, 1> residual;
+  Eigen::Matrix<double, kResiduals, kParameters> jacobian;
   sums = {};
   std::swap(weights.weight, weights.former);
   for (std::size_t i = 0; i < weights.size(); ++i) {
     problem.evaluate(i, state, residual, jacobian);
     const double square = residual.squaredNorm();
-    const double student = studentWeight(square, weights.scale2, d);
+    const double student = studentWeight(square, weights.scale2, kResiduals);
     const double w = student * weights.factor[i];
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // Along e the derivative of t e is t (2q - 1), across it t, with q = t f / (f + d).
-    const double q = student * (kStudentFreedom / (kStudentFreedom + d));
-    sums.derivative += w * (1.0 - 2.0 / d * (1.0 - q));
+    // Along e the derivative of t e is t (2q - 1), across it t, with q = t f / (f + kResiduals).
+    const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
+    sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;
     sums.cost += w * square;
     sums.former_cost += weights.former[i] * square;
