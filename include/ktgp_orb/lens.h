@@ -39,7 +39,7 @@ class Lens {
   const LensCalibration& calibration() const { return calibration_; }
 
   /// Moves keypoints to where the image without distortion has them, perhaps outside; good to 1e-3
-  /// px. NaN beyond 75 degrees from the axis, and where the model bends two rays to one point.
+  /// px. NaN beyond 60 degrees from the axis, and where the model bends two rays to one point.
   void rectify(std::vector<cv::KeyPoint>& keypoints) const;
   /// The image without distortion, with the size of `image`.
   void rectify(const cv::Mat& image, cv::Mat& rectified) const;
