@@ -125,16 +125,16 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   }
   const Covariance8 noise = found.covariance;
   if (impl_->readout_time != 0.0) impl_->correctShutter(target, stamp, rows, found);
-  const auto posesOf = [&](const Covariance8& covariance) {
+  const auto poses_of = [&](const Covariance8& covariance) {
     return planarPoses(found.homography, covariance, camera, target.image_size, target.width);
   };
-  const PlanarPoses poses = posesOf(found.covariance);
+  PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
   // Errors larger than claimed would be taken for the shutter's, and may leave no minimum.
-  const PlanarPoses fitted = poses.poses.empty() ? posesOf(noise) : poses;
+  const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;
-  return misfit > 1.0 ? posesOf(found.covariance + (misfit - 1.0) * noise) : poses;
+  return misfit > 1.0 ? poses_of(found.covariance + (misfit - 1.0) * noise) : poses;
 }
 
 }  // namespace ktgp_orb

@@ -21,7 +21,7 @@ constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 
 struct TwoViewMatcher::Impl {
   explicit Impl(const TwoViewOptions& options)
-      : estimator(options), aligner(alignment::bestAlignmentKernels()) {}
+      : aligner(alignment::bestAlignmentKernels()), estimator(options) {}
 
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches, TwoViewMatches& result);
@@ -29,12 +29,12 @@ struct TwoViewMatcher::Impl {
   void rectify(const Lens* lens, std::vector<Eigen::Vector2d>& points);
   void dropUnplaced(TwoViewMatches& result);
 
-  TwoViewEstimator estimator;
   alignment::PatchAligner aligner;
-  alignment::LocalMaps maps;
-  PointPairs keypoints;
+  TwoViewEstimator estimator;
   std::vector<double> deviations;
   std::vector<cv::KeyPoint> moved;
+  PointPairs keypoints;
+  alignment::LocalMaps maps;
 };
 
 void TwoViewMatcher::Impl::collect(const Features& reference, const Features& target,

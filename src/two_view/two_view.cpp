@@ -182,8 +182,8 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
 /// makes up for it. Sampling stops there, and the fit does not leave it. On a plane the second
 /// motion does as well. So the fit starts from all that may be.
 void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoViewInput& input) {
-  static const Eigen::Vector3d kDirections[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
-                                                {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
+  static const Eigen::Vector3d directions[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
+                                               {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
   hypotheses.load(normalised, cellOf(pairs, input), 0.5 * diagonalOf(input) * normalised.scale(),
                   epipolar, has_plane ? &plane.answer.homography : nullptr);
   hypotheses.start(epipolar.motion);
@@ -191,7 +191,7 @@ void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoVi
     hypotheses.start({input.prediction->rotation, input.prediction->translation.normalized()});
   }
   const Eigen::Matrix3d turn_alone = two_view::turnOf(normalised);
-  for (const Eigen::Vector3d& direction : kDirections) {
+  for (const Eigen::Vector3d& direction : directions) {
     hypotheses.start({turn_alone, direction.normalized()});
   }
   if (has_plane) {

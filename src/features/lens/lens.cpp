@@ -83,6 +83,7 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
     return pixels;
   }
   std::vector<cv::Point3d> points;
+  points.reserve(rays.size());
   for (const cv::Point2d& ray : rays) points.emplace_back(ray.x, ray.y, 1.0);
   cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), c.camera, c.distortion, pixels);
   return pixels;
@@ -110,6 +111,7 @@ constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 double rangeOf(const LensCalibration& c) {
   constexpr int kSteps = 300;
   std::vector<cv::Point2d> rays;
+  rays.reserve(kSteps + 1);
   for (int i = 0; i <= kSteps; ++i) rays.emplace_back(std::tan(kFarthestAngle * i / kSteps), 0.0);
   const std::vector<cv::Point2d> pixels = pixelsOf(c, rays);
   int last = 1;
