@@ -390,7 +390,7 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
 
 cv::Mat readMaskFile(const std::string& path) {
   if (path.empty()) return {};
-  const cv::Mat mask = notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
+  cv::Mat mask = notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
   if (cv::countNonZero(mask) == 0) {
     throw RefusedImage("mask_image " + util::printable(path) +
                        ": hides the whole image, since black and transparent pixels hide; expected "

@@ -301,7 +301,7 @@ std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
 
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message,
                                             const cv::Size& size) {
-  const std::optional<Eigen::Matrix3d> answer = homographyOf(message);
+  std::optional<Eigen::Matrix3d> answer = homographyOf(message);
   const cv::Size image(static_cast<int>(message.image_width),
                        static_cast<int>(message.image_height));
   if (image.empty() || image == size) return answer;

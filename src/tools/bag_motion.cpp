@@ -151,13 +151,21 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
   readMessages(bag);
 }
 
+namespace {
+
+std::string ofAnotherType(const bag::Topic& topic, const std::string& expected) {
+  return topic.name + " is of type " + topic.type + "; expected " + expected +
+         (topic.type == expected ? " with the md5sum of this machine's" : "");
+}
+
+}  // namespace
+
 /// A topic of another type would look like one without messages.
 void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
   const auto check = [&](const std::string& name, const char* type, const auto& is_right) {
     for (const bag::Topic& topic : messages.topics()) {
       if (topic.name != name || is_right(topic)) continue;
-      throw UnusableBag(path + ": " + name + " is of type " + topic.type + "; expected " + type +
-                        (topic.type == type ? " with the md5sum of this machine's" : ""));
+      throw UnusableBag(path + ": " + ofAnotherType(topic, type));
     }
   };
   if (readings_.usesRange()) {
