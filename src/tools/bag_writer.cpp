@@ -67,9 +67,9 @@ void addMotion(const geometry_msgs::PoseWithCovariance& motion, files::CsvRow& r
   const auto& turn = motion.pose.orientation;
   for (const double value : {t.x, t.y, t.z}) row.add(value);
   for (const double value : {turn.x, turn.y, turn.z, turn.w}) row.add(value, kExact);
-  for (int i = 0; i < kUnknowns; ++i) {
-    for (int k = i; k < kUnknowns; ++k) {
-      addKnown(motion.covariance[static_cast<std::size_t>(kUnknowns * i + k)], row);
+  for (std::size_t i = 0; i < kUnknowns; ++i) {
+    for (std::size_t k = i; k < kUnknowns; ++k) {
+      addKnown(motion.covariance[kUnknowns * i + k], row);
     }
   }
 }
