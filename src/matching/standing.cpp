@@ -77,11 +77,10 @@ void Standing::collect(const Features& reference, const Features& target,
 }
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  constexpr std::size_t kLeast = 20;    // matches; chance gives ten at most
-  constexpr double kLeastShare = 0.05;  // share of the number of points that stand still
-  constexpr double kLeastSpread =
-      0.75;                          // share of their spread; half an image has 0.76 of the whole
-  constexpr double kFarthest = 0.5;  // spreads between the centres; two halves have 0.9
+  constexpr std::size_t kLeast = 20;     // matches; chance gives ten at most
+  constexpr double kLeastShare = 0.05;   // share of the number of points that stand still
+  constexpr double kLeastSpread = 0.75;  // share of their spread; half an image has 0.76
+  constexpr double kFarthest = 0.5;      // spreads between the centres; two halves have 0.9
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] != 0) agreeing_.push_back(moving_.reference[i]);
