@@ -37,7 +37,7 @@ void refuseMasked(const py::handle& object, const std::string& name) {
 py::array bytesOf(const py::object& object, const std::string& name, bool may_be_wide = false) {
   const char* const expected = may_be_wide ? "uint8 or uint16" : "uint8";
   if (!py::isinstance<py::array>(object)) {
-    throw py::value_error(name + " is " + py::str(py::type::of(object)).cast<std::string>() +
+    throw py::value_error(name + " is " + py::str(object.attr("__class__")).cast<std::string>() +
                           "; expected a NumPy array of " + expected);
   }
   refuseMasked(object, name);
@@ -202,7 +202,7 @@ py::array_t<std::uint8_t> descriptorArray(const Features& features, const py::ob
 }
 
 py::list cvKeypoints(const Features& features) {
-  const py::object type = py::module_::import("cv2").attr("KeyPoint");
+  const py::object type = py::module::import("cv2").attr("KeyPoint");
   py::list out;
   for (const cv::KeyPoint& k : features.keypoints) {
     out.append(type(k.pt.x, k.pt.y, k.size, k.angle, k.response, k.octave, k.class_id));

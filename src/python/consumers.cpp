@@ -81,7 +81,7 @@ std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
   });
 }
 
-void definePlanarPose(py::module_& module) {
+void definePlanarPose(py::module& module) {
   py::class_<PlanarPose>(module, "TargetPose", "Where a flat target is in the camera's frame.")
       .def_property_readonly(
           "matrix",
@@ -94,7 +94,7 @@ void definePlanarPose(py::module_& module) {
       .def_readonly("share", &PlanarPose::share, "Probability of this pose, 0 to 1.");
 }
 
-void defineDetectedTarget(py::module_& module) {
+void defineDetectedTarget(py::module& module) {
   py::class_<PosedTarget>(module, "DetectedTarget", "A flat target in an image.")
       .def_readonly("id", &PosedTarget::id)
       .def_readonly("instance", &PosedTarget::instance, "From 0; of several copies in an image.")
@@ -127,7 +127,7 @@ void defineDetectedTarget(py::module_& module) {
                     "frontal. Empty without K.");
 }
 
-void defineTargets(py::module_& module) {
+void defineTargets(py::module& module) {
   definePlanarPose(module);
   defineDetectedTarget(module);
   const TargetFinderOptions usual;
@@ -189,7 +189,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
   return poses;
 }
 
-void defineTargetPose(py::module_& module) {
+void defineTargetPose(py::module& module) {
   py::class_<SharedPose>(module, "TargetPoses",
                          "Poses of found targets in front of a camera with a lens and a shutter.")
       .def(py::init<double>(), py::arg("readout_time") = -1.0,
@@ -219,7 +219,7 @@ py::array mapOf(SharedMosaic& shared) {
   return py::array_t<std::uint8_t>({map.rows, map.cols, 4}, map.data);
 }
 
-void defineMosaic(py::module_& module) {
+void defineMosaic(py::module& module) {
   const MosaicOptions usual;
   py::class_<SharedMosaic>(
       module, "Mosaic",
@@ -264,7 +264,7 @@ std::vector<SteadyFrame> flushPath(SharedStabilizer& shared) {
   return ready;
 }
 
-void defineStabilizer(py::module_& module) {
+void defineStabilizer(py::module& module) {
   py::class_<SteadyFrame>(module, "SteadyFrame", "A frame and its place in the steady picture.")
       .def_property_readonly(
           "seconds", [](const SteadyFrame& f) { return secondsOf(f.stamp); },
@@ -319,7 +319,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   return shared.use([&](GroundMotion& motion) { return motion.add(given); });
 }
 
-void defineImuMounting(py::module_& module) {
+void defineImuMounting(py::module& module) {
   py::class_<ImuMounting>(module, "ImuMounting",
                           "How an Imu is mounted and stamped, as the images show it. What the "
                           "motion does not show is 0 with an infinite standard deviation.")
@@ -339,7 +339,7 @@ void defineImuMounting(py::module_& module) {
       .def("__str__", &describe);
 }
 
-void defineGroundEstimate(py::module_& module) {
+void defineGroundEstimate(py::module& module) {
   py::class_<GroundEstimate>(module, "GroundEstimate", "Position and velocity of the base.")
       .def_property_readonly(
           "status", [](const GroundEstimate& e) { return toString(e.status); },
@@ -372,7 +372,7 @@ void defineGroundEstimate(py::module_& module) {
                     "it.");
 }
 
-void defineGroundMotion(py::module_& module) {
+void defineGroundMotion(py::module& module) {
   defineImuMounting(module);
   defineGroundEstimate(module);
   const GroundMotionOptions usual;
@@ -407,7 +407,7 @@ void defineGroundMotion(py::module_& module) {
 
 }  // namespace
 
-void defineConsumers(py::module_& module) {
+void defineConsumers(py::module& module) {
   defineTargets(module);
   defineTargetPose(module);
   defineMosaic(module);

@@ -149,7 +149,7 @@ class Matcher {
   MatchResult result_;  // result of the call that uses matcher_
 };
 
-void defineMotion(py::module_& module) {
+void defineMotion(py::module& module) {
   py::class_<Motion>(module, "Motion", "A motion of the camera between two images.")
       .def_readonly("geometry", &Motion::geometry, "As Match.geometry, by this motion.")
       .def_readonly("rotation", &Motion::rotation, "(3, 3) float64: as Match.rotation.")
@@ -235,7 +235,7 @@ void defineRows(MatchClass& match) {
           "geometry, 4 an inlier from guided matching or growth.");
 }
 
-void defineMatch(py::module_& module) {
+void defineMatch(py::module& module) {
   MatchClass match(
       module, "Match",
       "The result for two images. Arrays have a row for each correspondence: first those of the "
@@ -300,7 +300,7 @@ std::shared_ptr<Features> featuresRestored(const py::tuple& state) {
   return features;
 }
 
-void defineFeatures(py::module_& module) {
+void defineFeatures(py::module& module) {
   py::class_<Features, std::shared_ptr<Features>>(
       module, "Features", "Keypoints of an image, their descriptors, and the size of the image.")
       .def(py::init([](const py::object& keypoints, const py::object& descriptors,
@@ -456,7 +456,7 @@ void restore(const py::tuple& state, Match& match) {
   }
 }
 
-void definePairs(py::module_& module) {
+void definePairs(py::module& module) {
   defineFeatures(module);
   defineMotion(module);
   defineMatch(module);

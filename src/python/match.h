@@ -92,9 +92,9 @@ py::tuple stateOf(const Match& match);
 void restore(const py::tuple& state, Match& match);
 
 /// Registers the classes and functions for pairs of images.
-void definePairs(py::module_& module);
-void defineSequence(py::module_& module);
+void definePairs(py::module& module);
+void defineSequence(py::module& module);
 /// Registers the classes for targets, mosaic, stabilizer and motion above the ground.
-void defineConsumers(py::module_& module);
+void defineConsumers(py::module& module);
 
 }  // namespace ktgp_orb::python

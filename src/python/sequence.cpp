@@ -79,7 +79,7 @@ std::shared_ptr<FrameMatch> frameOf(const py::tuple& state) {
   return match;
 }
 
-void defineFrameMatch(py::module_& module) {
+void defineFrameMatch(py::module& module) {
   py::class_<FrameMatch, Match, std::shared_ptr<FrameMatch>>(
       module, "FrameMatch", "The result for a frame of a sequence.")
       .def_readonly("no_reference", &FrameMatch::no_reference,
@@ -106,7 +106,7 @@ void defineFrameMatch(py::module_& module) {
 
 }  // namespace
 
-void defineSequence(py::module_& module) {
+void defineSequence(py::module& module) {
   defineFrameMatch(module);
   py::class_<Sequence> sequence(
       module, "Sequence",
