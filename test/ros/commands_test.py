@@ -20,7 +20,7 @@ from ktgp_testing import TIMEOUT, free_port, view, views, write_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
-FIRST_WORDS = ('cmake', 'catkin', 'catkin_make', 'catkin_test_results', 'git', 'rosbag', 'roslaunch',
+FIRST_WORDS = ('cmake', 'catkin', 'catkin_make', 'catkin_test_results', 'git', 'rosbag', 'rosdep', 'roslaunch',
                'rosparam', 'rosrun', 'rosservice', 'rostest', 'rostopic', 'source', 'sudo')
 
 
@@ -147,8 +147,8 @@ NOT_RUN = {
         'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders NODE',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
-    'installs a package': [
-        'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
+    'installs packages': [
+        'rosdep install --from-paths src -i', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
     "waits for images, or for a master that has it; ROS's own": [
         'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag reindex', 'rostopic echo -n 1 ~mask/encoding',
         'rostopic echo /{usb_cam/matcher/homography,diagnostics,camera/targets/detections}'],
