@@ -1,16 +1,16 @@
-// The stages after the homography, one thread, 640x480, 2000 features: sub-pixel alignment of up to
-// N points; OpenCV's pyramidal Lucas-Kanade for as many points, started at the predictions of the
-// homography; OpenCV's ECC over the whole image, started at the homography; and a round of guided
-// matching. All in one process on the same pair.
+// Measures the stages after the homography on one thread, 640x480, 2000 features: sub-pixel
+// alignment of up to N points, and a round of guided matching. Peers are OpenCV's pyramidal
+// Lucas-Kanade for as many points, started at the predictions of the homography, and OpenCV's ECC
+// over the whole image, started at the homography. All run in one process on the same pair.
 //
 //   ms        median CPU time of a call
-//   error_px  mean distance of the image's corners from where the truth maps them, afterwards
-//   before_px the same for the initial homography of all methods
-//   points    aligned, or followed, or matched
+//   error_px  mean distance of the image's corners from their true places, afterwards
+//   before_px this distance for the initial homography of all methods
+//   points    number of points that were aligned, followed or matched
 //
 // The pair is an exact warp of the first image of the Leuven set in KTGP_ORB_DATA, with noise, blur
 // and a change of light (a pair of `ktgp_evaluate --warps`). Arguments of a name: N, and the size
-// of the warp (0 small, 1 medium, 2 large). The points of Lucas-Kanade are fitted like ours.
+// of the warp (0 small, 1 medium, 2 large). The points of Lucas-Kanade get the same fit as ours.
 
 #include <benchmark/benchmark.h>
 
@@ -39,7 +39,7 @@ using ktgp_orb::MatcherOptions;
 using ktgp_orb::MatchResult;
 using ktgp_orb::bench::milliseconds;
 
-/// A pair of views with features, and its homography before any of the steps.
+/// A pair of views with features, and its homography before any of the measured stages.
 struct Pair {
   ktgp_orb::evaluation::WarpedImages images;
   Eigen::Matrix3d truth = Eigen::Matrix3d::Identity();
@@ -84,7 +84,7 @@ struct Pair {
   }
 };
 
-/// Times `call`, which returns how many points it had.
+/// Times `call`, which returns the number of its points.
 template <typename Call>
 void run(benchmark::State& state, const Pair& pair, const Eigen::Matrix3d& homography, Call call) {
   std::size_t points = call();  // buffers grow
@@ -115,7 +115,7 @@ void align(benchmark::State& state) {
   });
 }
 
-/// Its patches adapt neither to rotation nor to zoom. The fit is ours, and not timed.
+/// Patches of Lucas-Kanade do not adapt to rotation and zoom. The fit is ours and is not timed.
 void lucasKanade(benchmark::State& state) {
   const Pair pair(static_cast<int>(state.range(1)));
   if (!pair.isUsable(state)) return;

@@ -23,7 +23,7 @@ using ktgp_orb::Level;
 using ktgp_orb::MatchResult;
 using ktgp_orb::OrbOptions;
 
-constexpr double kWorstCornerError = 10;  // px, where the recall curve ends
+constexpr double kWorstCornerError = 10;  // px; end of the recall curve
 constexpr int kSeeds = 20;                // random seeds of PROSAC; the results are averaged
 
 struct Set {
@@ -33,7 +33,7 @@ struct Set {
 
 /// Sums over pairs of images.
 struct Score {
-  double matches = 0;  // after GMS
+  double matches = 0;  // number of matches after GMS
   double correct = 0;  // number of correct matches
   double precision = 0;
   double corner_auc = 0;  // area under the recall of the mean corner error up to 10 px

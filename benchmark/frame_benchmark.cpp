@@ -1,8 +1,8 @@
-// A whole frame: extraction, nearest neighbours, ratio test, GMS and homography, beside the same
-// chain from OpenCV's parts: cv::ORB, cv::BFMatcher, the ratio test and cv::findHomography with
-// USAC_PROSAC. OpenCV's GMS is in opencv_contrib, which distributions leave out. A dense
-// implementation replaces it, untimed: OpenCV's time does not include GMS, ours does. 640x480, 2000
-// features; every frame is matched to the previous one.
+// Measures a whole frame: extraction, nearest neighbours, ratio test, GMS and homography. The peer
+// is the same chain from OpenCV's parts: cv::ORB, cv::BFMatcher, the ratio test and
+// cv::findHomography with USAC_PROSAC. OpenCV's GMS is in opencv_contrib, which distributions leave
+// out, so a dense implementation replaces it. Our time includes GMS and OpenCV's time does not.
+// 640x480, 2000 features; every frame is matched to the previous frame.
 //
 //   ms           median of a frame: CPU time for one thread, wall-clock time for more
 //   times_OpenCV how many times as fast as OpenCV's chain without GMS on as many threads, medians
@@ -10,13 +10,13 @@
 //   KT KTG KTGP  matches after the stages, of the last frame
 //   fall_backs   frames whose search within the radius (px, 0: the whole image) failed
 //
-// The rows of `preset` are our chain alone, with alignment and with the presets; one thread:
+// The rows of `preset` measure our chain alone, with alignment and with the presets, on one thread:
 //
 //   ms           median CPU time of a frame
-//   ktgp_ms      of KTGP alone, on alternating frames
+//   ktgp_ms      median CPU time of KTGP alone, on alternating frames
 //   matches      final matches of the last frame
 //
-// The frames are two of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
+// The frames are two images of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
 
 #include <benchmark/benchmark.h>
 
@@ -97,7 +97,7 @@ class OpencvChain {
  public:
   explicit OpencvChain(bool turned) : gms_(gmsOptions(turned)) {}
 
-  /// Its time without GMS.
+  /// Returns the time of the chain without GMS.
   double process(const cv::Mat& image, bool one_thread) {
     const double start = milliseconds(one_thread);
     std::swap(reference_, target_);

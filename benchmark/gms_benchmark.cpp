@@ -1,10 +1,11 @@
-// GmsFilter beside a dense implementation of the same method, on the same matches: 200 to 50000 of
-// them, in the four modes. Before anything is timed the two masks are compared.
+// Compares GmsFilter with a dense implementation of the same method on the same 200 to 50000
+// matches, in the four modes. Before the timing, the two masks are compared.
 //
-// 90 % of the matches follow a motion (a rotation of 7 degrees and a zoom of 1.05), the others are
-// random; after the ratio test 93 to 96 % are correct on the Oxford sets (doc/measurements/gms.md).
-// The frames are 1920x1080, so that 50000 keypoints fit. The calls use eight problems in turn, as
-// in a video: for a single problem the processor would predict every branch.
+// 90 % of the matches follow a motion (a rotation of 7 degrees and a zoom of 1.05), and the others
+// are random. After the ratio test 93 to 96 % are correct on the Oxford sets
+// (doc/measurements/gms.md). The frames are 1920x1080, so that 50000 keypoints fit. The calls use
+// eight problems in turn, as in a video. With a single problem the processor would predict every
+// branch.
 
 #include <benchmark/benchmark.h>
 
@@ -100,7 +101,7 @@ void sparse(benchmark::State& state) {
   std::size_t call = 0;
   for (auto _ : state) {
     const Problem& problem = problems[call++ % kProblems];
-    matches = problem.matches;  // a copy of 20 bytes per match, included in the time
+    matches = problem.matches;  // the time includes this copy of 20 bytes per match
     kept += static_cast<double>(filter.filter(problem.reference, problem.target, matches).kept);
     benchmark::DoNotOptimize(matches.data());
   }
@@ -121,7 +122,7 @@ void dense(benchmark::State& state) {
   state.counters["kept"] = benchmark::Counter(kept, benchmark::Counter::kAvgIterations);
 }
 
-/// Mode: bit 0 rotation, bit 1 scale.
+/// The mode has bit 0 for rotation and bit 1 for scale.
 void sizesAndModes(benchmark::internal::Benchmark* b) {
   b->ArgNames({"matches", "mode"})->Unit(benchmark::kMillisecond);
   for (int mode = 0; mode < 4; ++mode) {

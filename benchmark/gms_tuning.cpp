@@ -67,7 +67,7 @@ bool isCorrect(const Pair& pair, const Correspondence& c) {
   return (p - Eigen::Vector2d(t.x, t.y)).norm() <= ktgp_orb::metrics::kCorrectWithin;
 }
 
-/// Matches left by the ratio filter at T_w (not applied if 0) and then GMS (not applied if null).
+/// Counts the matches after the ratio filter at T_w (0: no filter) and then GMS (null: no GMS).
 Count run(const Pair& pair, double ratio_threshold, const GmsOptions* gms) {
   std::vector<Correspondence> matches = pair.nearest;
   if (ratio_threshold > 0.0) {

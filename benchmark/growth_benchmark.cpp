@@ -1,14 +1,14 @@
-// The time of the growth after PROSAC found none: 640x480, 2000 features, one thread, unrelated
-// pictures. For comparison, OpenCV's chain that finds most hard pairs: cv::SIFT with the same
-// number of features in both images, cv::BFMatcher, the ratio test and cv::findHomography with
-// USAC_MAGSAC.
+// Measures the time of the growth after PROSAC has found no homography: 640x480, 2000 features, one
+// thread, unrelated pictures. The peer is the chain of OpenCV that finds the most hard pairs:
+// cv::SIFT with the same number of features in both images, cv::BFMatcher, the ratio test and
+// cv::findHomography with USAC_MAGSAC.
 //
 //   ms_mean, ms_median, ms_p95  CPU time of HomographyGrowth::find alone, over the pairs
-//   SIFT_ms                     mean CPU time of OpenCV's chain, of a tenth of the pairs
+//   SIFT_ms                     mean CPU time of OpenCV's chain, over a tenth of the pairs
 //   accepted                    pairs in which a homography was found: none should be
 //   views_MB                    mean memory of the simulated views of a reference
 //
-// The pictures are the Oxford sets and those below hard/ in KTGP_ORB_DATA, scaled; one per folder.
+// The pictures are one of each folder below KTGP_ORB_DATA (the Oxford sets and hard/), scaled.
 
 #include <benchmark/benchmark.h>
 

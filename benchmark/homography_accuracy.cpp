@@ -1,6 +1,7 @@
-// Accuracy of ProsacHomography beside cv::findHomography on identical matches of real images, as
-// Markdown. Needs the Oxford sets: KTGP_ORB_DATA=<folder that holds oxford/leuven/img1.ppm, ...>.
-// Argument: generated homographies for each of the 18 images, 7 unless given.
+// Compares the accuracy of ProsacHomography and cv::findHomography on identical matches of real
+// images, as Markdown. Needs the Oxford sets: KTGP_ORB_DATA=<folder that holds
+// oxford/leuven/img1.ppm, ...>. Argument: number of generated homographies for each of the 18
+// images, 7 by default.
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -34,7 +35,7 @@ using util::kPi;
 using util::position;
 using util::Random;
 
-constexpr int kRuns = 20;  // seeds for us, orders of the matches for OpenCV, whose seed is fixed
+constexpr int kRuns = 20;  // seeds for us; orders of matches for OpenCV, whose seed is fixed
 constexpr double kThreshold = 3.0;
 
 struct Pair {
@@ -47,7 +48,7 @@ struct Pair {
 using Estimator = std::function<Eigen::Matrix3d(const Pair&, int run)>;
 struct Named {
   std::string name;
-  Estimator estimate;  // zero: no model
+  Estimator estimate;  // returns zero if there is no model
 };
 
 double cornerError(const Eigen::Matrix3d& estimate, const Pair& pair) {
@@ -107,9 +108,6 @@ std::vector<Named> estimators() {
           {"ProsacHomography", prosac()}};
 }
 
-// ---- Matches
-// -------------------------------------------------------------------------------------
-
 Features extract(const cv::Mat& image) {
   Features features;
   features.image_size = image.size();
@@ -158,9 +156,6 @@ std::vector<Pair> oxfordPairs(const std::string& folder, const Filters& filters)
   return pairs;
 }
 
-// ---- Generated pairs
-// -----------------------------------------------------------------------------
-
 double uniform(Random& random, double low, double high) {
   return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
 }
@@ -195,7 +190,7 @@ void addNoise(double sigma, int seed, cv::Mat& image) {
   image = sum;
 }
 
-/// Every image of the three sets under this number of homographies.
+/// Warps every image of the three sets by this number of homographies.
 std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters, int homographies) {
   std::vector<Pair> pairs;
   Random random(2024);
@@ -221,9 +216,6 @@ std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters,
   }
   return pairs;
 }
-
-// ---- Tables
-// --------------------------------------------------------------------------------------
 
 std::vector<double> errorsOf(const Named& estimator, const std::vector<Pair>& pairs, int runs) {
   std::vector<double> errors;

@@ -1,17 +1,18 @@
-// Two nearest neighbours of N descriptors among N: every kernel of this processor, beside OpenCV's
-// exact and approximate matchers, on one thread and on two. Arguments of a name: N, threads.
+// Compares the search for two nearest neighbours of N descriptors among N with OpenCV's exact and
+// approximate matchers: every kernel of this processor, one and two threads. Arguments of a name:
+// N, threads.
 //
 //   ns_per_pair      median time over N * N: CPU time for one thread, wall-clock time for two
 //   times_BFMatcher  how many times as fast as cv::BFMatcher on as many threads, medians of calls
 //                    that alternate
-//   times_one_way    mutual only: its time over that of the search in one direction, medians of
-//                    calls that alternate
+//   times_one_way    mutual only: its time over the time of the search in one direction, medians
+//                    of calls that alternate
 //   times_whole      near only: how many times as fast as the search of the whole image
 //
-// "near" searches within a radius, px, of the predicted positions; keypoints are spread evenly over
-// an image of `width` with aspect ratio 16:9 or, below 1000, 4:3.
+// "near" searches within a radius, px, of the predicted positions. Keypoints are spread evenly over
+// an image of `width` px with the aspect ratio 16:9, or 4:3 if the width is below 1000.
 //
-// Descriptors are ORB's of the images in KTGP_ORB_DATA, or generated where that is not set.
+// Descriptors are from ORB on the images in KTGP_ORB_DATA, or generated if that is not set.
 
 #include <benchmark/benchmark.h>
 
@@ -83,7 +84,7 @@ void bruteForce(const cv::Mat& reference, const cv::Mat& target) {
   benchmark::DoNotOptimize(matches.data());
 }
 
-/// Changes the reference, as for every frame of a video, so that the index must be built again.
+/// Changes the reference, so that the index must be built again, as for every frame of a video.
 void renew(cv::Mat& reference) {
   *reference.data ^= 1;
 }
@@ -120,7 +121,7 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
   state.SetLabel(frames.source);
 }
 
-/// Both directions compared with one.
+/// Compares the search in both directions with the search in one direction.
 void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& kernel) {
   const auto n = static_cast<int>(state.range(0));
   const bool one_thread = state.range(1) == 1;
@@ -162,8 +163,7 @@ ktgp_orb::Features spread(const cv::Mat& descriptors, int width, int seed) {
   return features;
 }
 
-/// The search near predicted positions compared with the whole image; the index is built in every
-/// call.
+/// Compares the search near predicted positions with the whole image; each call builds the index.
 void runNear(benchmark::State& state, const Frames& frames, const KnnKernel& kernel,
              const KnnKernel& whole_kernel) {
   const auto n = static_cast<int>(state.range(0));

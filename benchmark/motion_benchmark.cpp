@@ -1,5 +1,5 @@
-// The time that the motion in metres adds to a frame: GroundMotion::add with a height and a normal
-// in every frame, homographies of an exact flight, a new keyframe every ten frames.
+// Measures the time that motion in metres adds to a frame: GroundMotion::add with a height and a
+// normal in every frame, exact homographies of a flight, and a new keyframe every ten frames.
 
 #include <benchmark/benchmark.h>
 

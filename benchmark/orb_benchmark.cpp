@@ -1,5 +1,5 @@
-// ORB extraction beside cv::ORB on the same images, with equal results. Arguments of a name: image
-// width and height, features, our threads; cv::ORB has one.
+// Compares ORB extraction with cv::ORB on the same images, with equal results. Arguments of a name:
+// image width and height, features, our threads; cv::ORB has one thread.
 //
 //   ms           median of one image: CPU time for one thread, wall-clock time for more
 //   times_cvORB  how many times as fast as cv::ORB, medians of calls that alternate
@@ -7,8 +7,8 @@
 //   more_ms      TEBLID only: additional time compared with ORB's own descriptors, medians of
 //                calls that alternate
 //
-// The images are scaled from the first one of the Leuven set in KTGP_ORB_DATA, or noise of several
-// scales if that is not set.
+// The images are scaled from the first image of the Leuven set in KTGP_ORB_DATA. If this variable
+// is not set, they are noise of several scales.
 
 #include <benchmark/benchmark.h>
 
@@ -112,7 +112,7 @@ void arguments(benchmark::internal::Benchmark* benchmark) {
   }
 }
 
-// One thread. TEBLID descriptors compared with ORB's own, for the same keypoints.
+// Compares TEBLID with ORB's own descriptors for the same keypoints, on one thread.
 void teblid(benchmark::State& state) {
   const cv::Mat image =
       imageOf(cv::Size(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))));

@@ -1,6 +1,6 @@
-// ProsacHomography beside cv::findHomography on identical synthetic pairs: time, median corner
-// error, share of calls that return a homography, and share that return a wrong one as success
-// (mean corner error above 20 px). Every call gets another scene.
+// Compares ProsacHomography with cv::findHomography on identical synthetic pairs: time, median
+// corner error, share of calls that return a homography, and share that return a wrong homography
+// as success (mean corner error above 20 px). Every call gets another scene.
 
 #include <benchmark/benchmark.h>
 
@@ -63,7 +63,7 @@ Case makeCase(const Setting& setting, test::Numbers& numbers) {
   return made;
 }
 
-/// The same scenes for every estimator.
+/// The scenes of a setting, the same for every estimator.
 const std::vector<Case>& casesOf(const Setting& setting) {
   using Key = std::tuple<std::size_t, int, Order>;
   static std::map<Key, std::vector<Case>> cache;
@@ -137,7 +137,7 @@ void registerAll() {
                                    "/inliers:" + std::to_string(percent) + "%/" + order_name;
         add("ProsacHomography" + suffix, [setting](benchmark::State& s) { prosac(s, setting); });
         for (const auto& [name, method] : peers) {
-          // With fewer pairs OpenCV's PROSAC reads past the end of its arrays.
+          // With fewer than 100 pairs, OpenCV's PROSAC reads past the end of its arrays.
           if (method == cv::USAC_PROSAC && pairs < 100) continue;
           add(name + suffix,
               [setting, flag = method](benchmark::State& s) { openCv(s, setting, flag); });

@@ -1,8 +1,8 @@
-// Cost of a call from Python beside the same one from C++: both in this process, on the same two
-// images, in turn. Prints a Markdown table; medians of the CPU time of a call, ms.
+// Compares the cost of a call from Python with the same call from C++, both in this process on the
+// same two images, in turn. Prints a Markdown table with the median CPU time of a call, ms.
 //   match()             extractor and matcher are made for each call
-//   Extractor, Matcher  they keep their buffers; in Python each image has features of its own
-//   Sequence            one image a call, matched to the one before
+//   Extractor, Matcher  both keep their buffers; in Python each image has its own features
+//   Sequence            one image per call, matched to the previous image
 // The Python code also reads the homography, its covariance, and the points and levels of all
 // correspondences. Run it where Python finds the module: after `source devel/setup.bash`.
 #include <pybind11/embed.h>

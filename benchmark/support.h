@@ -8,8 +8,7 @@
 
 namespace ktgp_orb::bench {
 
-/// For one thread its CPU time, which other programs do not disturb. For more threads wall-clock
-/// time.
+/// CPU time of one thread (other programs do not disturb it), or wall-clock time for more.
 inline double milliseconds(bool one_thread) {
   timespec time{};
   clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
@@ -28,7 +27,7 @@ inline std::string oxfordImage(const std::string& folder, const std::string& set
   return folder + "/" + set + "/img" + std::to_string(number) + (set == "boat" ? ".pgm" : ".ppm");
 }
 
-/// The file with the homography from image 1 of a set to another one.
+/// The file with the homography from image 1 of a set to image `number`.
 inline std::string oxfordTruth(const std::string& folder, const std::string& set, int number) {
   return folder + "/" + set + "/H1to" + std::to_string(number) + "p";
 }

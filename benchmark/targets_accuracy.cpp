@@ -1,11 +1,11 @@
-// Many flat targets, beside SIFT with FLANN and cv::findHomography for each target. Prints the
-// tables of doc/targets.md. Targets: parts of the photographs in KTGP_ORB_DATA, and drawn pictures.
+// Searches for many flat targets, compared with SIFT, FLANN and cv::findHomography for each target.
+// Prints the tables of doc/targets.md. Targets are parts of the photographs in KTGP_ORB_DATA, and
+// drawn pictures.
 //   targets_accuracy recall FRAMES FRAMES_OF_PEER TARGETS...
-// recall, wrong ids, time and memory.
+// measures recall, wrong ids, time and memory.
 //   targets_accuracy following TARGETS FRAMES FRAMES_OF_OTHER_SCENES FIRST_OF_THEM
-// few of the targets or none in view: time while they are followed, corners and poses with their
-// covariance, and wrong ids in other scenes. The last number goes on where an earlier run has
-// ended.
+// has few targets or none in view. It measures the time while they are followed, corners and poses
+// with their covariance, and wrong ids in other scenes. The last number continues an earlier run.
 
 #include <time.h>
 
@@ -62,7 +62,7 @@ double memoryInMegabytes() {
   return resident * 4096.0 / 1e6;
 }
 
-/// The photographs, one of each scene.
+/// The photographs: one of each scene.
 std::vector<cv::Mat> photographs() {
   std::vector<cv::Mat> images;
   const char* folder = std::getenv("KTGP_ORB_DATA");
@@ -108,14 +108,14 @@ World makeWorld(std::size_t count) {
       for (int x = 0; x + tile.width <= photo.cols; x += tile.width) {
         const cv::Mat part = photo(cv::Rect(cv::Point(x, y), tile)).clone();
         extractor.extract(part, features);
-        if (features.size() > 250) tiles.push_back(part);  // a picture with details
+        if (features.size() > 250) tiles.push_back(part);  // keeps only pictures with details
       }
     }
   }
   for (int i = 0; i < 20; ++i) {
     world.backgrounds.push_back(test::drawnPicture(kFrame, 900000U + static_cast<unsigned>(i)));
   }
-  // Spread over the photographs, half of the targets if there are enough.
+  // Half of the targets are parts of the photographs, spread evenly, if there are enough.
   const std::size_t photos = std::min(tiles.size(), count / 2);
   for (std::size_t i = 0; i < count; ++i) {
     Target target;
@@ -128,7 +128,7 @@ World makeWorld(std::size_t count) {
   return world;
 }
 
-/// Leaves out those that are refused, since they show the same as another one.
+/// Adds the targets. A target that shows the same as another target is refused and left out.
 void addAll(World& world, TargetFinder& finder) {
   std::vector<Target> added;
   for (const Target& target : world.targets) {
@@ -167,7 +167,7 @@ cv::Mat lit(cv::Mat frame, test::Numbers& numbers, cv::RNG& rng) {
   return image;
 }
 
-/// One to three targets, apart from each other.
+/// Draws one to three targets, apart from each other.
 View makeView(const World& world, std::uint64_t seed) {
   test::Numbers numbers(seed);
   cv::RNG rng(seed + 1);
@@ -191,7 +191,7 @@ View makeView(const World& world, std::uint64_t seed) {
     for (int i = 0; i < 4; ++i) {
       outline.col(i) = test::apply(h, test::corners(size)[static_cast<std::size_t>(i)]);
     }
-    // At least so wide, and mostly in view when it is small.
+    // A target must be at least kWide, and mostly in view if it is small.
     const double width =
         0.5 * ((outline.col(1) - outline.col(0)).norm() + (outline.col(2) - outline.col(3)).norm());
     if (width < kWide) continue;
@@ -227,7 +227,7 @@ double percent(std::size_t part, std::size_t all) {
   return all == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
 }
 
-/// A found target, by whatever method.
+/// A target found by any method.
 struct Answer {
   std::string id;
   Eigen::Matrix3d homography;
@@ -238,8 +238,8 @@ struct Score {
   std::size_t found = 0;
   std::size_t shown_below_45 = 0;  // degrees of tilt
   std::size_t found_below_45 = 0;
-  std::size_t wrong = 0;       // not in the frame
-  std::size_t inaccurate = 0;  // in the frame, but elsewhere
+  std::size_t wrong = 0;       // answers with a target that is not in the frame
+  std::size_t inaccurate = 0;  // answers at a wrong place
   std::vector<double> milliseconds;
   std::vector<double> errors;  // px
 };
@@ -302,7 +302,7 @@ std::vector<Answer> answersOf(const TargetFrame& frame) {
   return answers;
 }
 
-/// Until one of the targets in the view is found, with a budget of 20 ms.
+/// Number of frames until one of the targets in the view is found, with a budget of 20 ms.
 double framesToFirst(const World& world, const View& view, TargetFinder& finder) {
   constexpr int kMost = 60;
   finder.setSearch(20.0, finder.options().smallest_side, 8);
@@ -315,7 +315,7 @@ double framesToFirst(const World& world, const View& view, TargetFinder& finder)
   return kMost;
 }
 
-/// The view as a camera of fewer pixels would take it; `answers` stay in px of the view.
+/// Searches the view as seen by a camera with fewer pixels. The answers are in px of the view.
 std::vector<Answer> searchSmall(const View& view, double size, TargetFinder& finder) {
   cv::Mat small;
   cv::resize(view.image, small, cv::Size(), size, size, cv::INTER_AREA);
@@ -325,7 +325,7 @@ std::vector<Answer> searchSmall(const View& view, double size, TargetFinder& fin
   return answers;
 }
 
-/// The frames among the first `frames` that show a target.
+/// Visits the frames that show a target, among the first `frames`.
 template <typename Visit>
 void forEachView(const World& world, std::size_t frames, Visit visit) {
   for (std::size_t i = 0; i < frames; ++i) {
@@ -343,7 +343,7 @@ void rate(const World& world, const View& view, Score& score, Search search) {
   count(world, view, answers, score);
 }
 
-/// Wrong ids and wrong places in frames that are enlarged more than twice.
+/// Measures wrong ids and wrong places in frames that are enlarged more than twice.
 void measureSmall(World& world, std::size_t frames, double size) {
   TargetFinder finder;
   addAll(world, finder);
@@ -374,7 +374,7 @@ void measure(World& world, std::size_t frames) {
   print("TargetFinder", world.targets.size(), score, percentile(to_first, 0.5), megabytes);
 }
 
-/// The usual way: each target by itself.
+/// Measures the usual way, which searches for each target by itself.
 void measurePeer(const World& world, std::size_t frames) {
   constexpr std::size_t kFewest = 12;  // inliers
   constexpr float kRatio = 0.7F;
@@ -423,7 +423,7 @@ void measurePeer(const World& world, std::size_t frames) {
 constexpr std::size_t kShown = 5;
 constexpr double kWidth = 0.3;  // width of a target, m
 
-/// Where each of the shown targets is: they move slowly, with a tilt below 45 degrees.
+/// Placement of each shown target. The targets move slowly, with a tilt below 45 degrees.
 test::Placement placementOf(std::size_t shown, std::size_t frame, const cv::Size& target) {
   constexpr double kPixels = 165.0;  // longer side of a target, px
   const double time = static_cast<double>(frame) / 30.0;
@@ -442,7 +442,7 @@ Eigen::Matrix3d camera() {
   return test::cameraMatrix(600, 600);
 }
 
-/// Error of the found pose in units of its covariance, squared.
+/// Squared error of the found pose in units of its covariance.
 double normalisedError(const DetectedTarget& found, const Eigen::Matrix3d& truth) {
   const Covariance8 any = Covariance8::Identity();
   const auto right = planarPoses(truth, any, camera(), found.image_size, kWidth).poses;
@@ -475,7 +475,7 @@ void count(const DetectedTarget& found, const Eigen::Matrix3d& truth, Followed& 
   if (normalisedError(found, truth) < kBound) ++score.right_poses;
 }
 
-/// `noisy`: with other light, blur and noise.
+/// `noisy`: the frames have other light, blur and noise.
 void follow(const World& world, TargetFinder& finder, double search_ms, bool noisy,
             std::size_t frames) {
   constexpr std::size_t kPerScene = 60;
@@ -545,7 +545,7 @@ std::vector<cv::Mat> otherScenes(const World& world) {
   return scenes;
 }
 
-/// A part of one of the scenes, seen from anywhere; each fourth one is drawn, like the targets.
+/// A part of a scene, seen from anywhere. Every fourth scene is drawn, like the targets.
 cv::Mat otherScene(const std::vector<cv::Mat>& scenes, std::size_t number) {
   test::Numbers numbers(900000 + number);
   cv::RNG rng(number + 1);
@@ -598,7 +598,7 @@ void searchElsewhere(const World& world, TargetFinder& finder, std::size_t frame
   }
 }
 
-/// The words of the command line after the first one.
+/// The arguments of the command line after the first.
 using Numbers = std::vector<std::size_t>;
 
 void recall(const Numbers& numbers) {

@@ -1,11 +1,12 @@
-// Two-view geometry of drawn scenes with depth, one thread: search, fit, choice and covariance of N
-// pairs beside OpenCV's five-point estimators; and the alignment of N matches, each by itself.
+// Measures two-view geometry on drawn scenes with depth, on one thread: search, fit, choice and
+// covariance of N pairs, compared with OpenCV's five-point estimators. Also measures the alignment
+// of N matches, each by itself.
 //
 //   ms        median CPU time of a call
 //   turn_deg  median error of the rotation
 //   found     share of scenes with a pose
 //
-// Arguments of a name: N, and the percentage of right pairs; noise 0.5 px.
+// Arguments of a name: N, and the percentage of right pairs. The noise is 0.5 px.
 
 #include <benchmark/benchmark.h>
 
@@ -74,7 +75,7 @@ double turnError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
   return Eigen::AngleAxisd(a * b.transpose()).angle() * 180.0 / M_PI;
 }
 
-/// `call` sets the rotation that it finds; false: none.
+/// `call` sets the rotation that it finds, and returns false if it finds none.
 template <typename Call>
 void run(benchmark::State& state, Call call) {
   Numbers numbers(1);
@@ -134,7 +135,7 @@ void openCv(benchmark::State& state, int method) {
   });
 }
 
-/// Every match by the map that the twelve next to it suggest; the scene is a plane.
+/// Aligns every match by the map that its twelve neighbours suggest. The scene is a plane.
 void alignMatches(benchmark::State& state) {
   Numbers numbers(2);
   cv::Mat noise(480, 640, CV_32FC1);

@@ -24,7 +24,7 @@ def rows(table):
                 yield kind, name, json.loads('[%s]' % (arguments or ''))
 
 
-# Names that rqt_reconfigure finds beside the groups, in the same dictionary.
+# Names that rqt_reconfigure keeps in the same dictionary as the groups.
 RESERVED = {'default', 'groups', 'id', 'name', 'parameters', 'parent', 'state', 'type'}
 
 
@@ -40,7 +40,7 @@ def check(table_rows):
             raise ValueError('the %s %s is called like a %s; rqt_reconfigure looks for both in one '
                              'dictionary, ignoring case, and would show neither' % (what, name, other))
         taken[name.lower()] = what
-    shown = groups[1:]  # the first stands above the others
+    shown = groups[1:]  # the first group stands above the others
     if shown != sorted(shown):
         raise ValueError('rqt_reconfigure shows groups by the order of their names, %s, which is not '
                          'that of the table, %s' % (', '.join(sorted(shown)), ', '.join(shown)))

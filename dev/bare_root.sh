@@ -1,10 +1,10 @@
-# Sourced by scripts that need bare Debian systems (minbase and git). Needs root. Mirror and proxy are those of
-# this machine's apt. Downloads and the bare root are kept in ~/.cache/ktgp_orb/platform.
+# Sourced by scripts that need bare Debian systems (minbase and git). Needs root. Uses the mirror and the proxy of
+# this machine's apt, and keeps downloads and the bare root in ~/.cache/ktgp_orb/platform.
 # shellcheck shell=bash
 case ${1:-} in -h | --help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0" && exit 0 ;; esac
 say() { echo "$(basename "$0"): $*"; }
 
-# prepare_base SUITE: sets cache and base; makes the bare root if there is none. One run of a suite at a time.
+# prepare_base SUITE: sets cache and base, makes the bare root if there is none, and locks the suite for this run.
 prepare_base() {
   local suite=$1 proxy
   [ "$(id -u)" = 0 ] || {
@@ -23,7 +23,7 @@ prepare_base() {
   exec 9>"$cache/lock"
   flock 9
 
-  # This machine's mirror of Debian, if it has one, and its proxy; otherwise debootstrap's default.
+  # Use this machine's mirror of Debian, if it has one, and its proxy; otherwise debootstrap's default mirror.
   mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Label: Debian' \
     2>/dev/null | head -n 1 || true)
   proxy=$(apt-config dump --format '%v%n' Acquire::http::Proxy | head -n 1)
@@ -43,7 +43,7 @@ prepare_base() {
   }
 }
 
-# new_root FOLDER: a copy of the bare root.
+# new_root FOLDER: makes a copy of the bare root.
 new_root() {
   rm -rf --one-file-system "$1"
   cp -a --reflink=auto "$base" "$1"
@@ -53,11 +53,11 @@ new_root() {
   echo force-unsafe-io >"$1/etc/dpkg/dpkg.cfg.d/90throw-away"  # the root is used for one run
 }
 
-# run_in_root ROOT [NAME=VALUE ...] COMMAND ...: with an empty environment but for these variables; the folders of
-# KTGP_ORB_DATA, KTGP_ORB_ORACLE and KTGP_ORB_RQT are there, read-only.
+# run_in_root ROOT [NAME=VALUE ...] COMMAND ...: runs the command with only these variables in its environment. The
+# folders of KTGP_ORB_DATA, KTGP_ORB_ORACLE and KTGP_ORB_RQT are mounted there, read-only.
 run_in_root() {
   # The new root is mounted on itself, since "ip netns" needs that inside. Processes in the root end with
-  # their own process namespace, whose first process ends only by SIGKILL.
+  # their process namespace, whose first process can only be ended by SIGKILL.
   unshare --mount --pid --fork --kill-child --propagation private bash -c '
     run=$1 archives=$2
     shift 2

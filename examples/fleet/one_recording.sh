@@ -11,7 +11,7 @@ if [ $# -lt 2 ]; then
   echo 'one_recording.sh: expected RECORDING FOLDER [OPTIONS of ktgp_bag]; --help says more' >&2
   exit 2
 fi
-row=${1%$'\r'}  # a list that was written on Windows
+row=${1%$'\r'}  # removes the carriage return of a list that was written on Windows
 if [ -z "$row" ]; then
   echo 'one_recording.sh: the name of the recording is empty; expected one: is there an empty row in the list?' >&2
   exit 2

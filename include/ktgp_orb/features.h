@@ -29,8 +29,7 @@ struct Features {
   cv::Mat descriptors;
   /// Width and height of the image in pixels.
   cv::Size image_size;
-  /// The 8-bit grey image and ORB's pyramid of smaller ones, for the sub-pixel alignment; see
-  /// OrbOptions::images.
+  /// The 8-bit grey image and ORB's smaller pyramid levels, for alignment; see OrbOptions::images.
   std::vector<cv::Mat> images;
   /// Kind of the descriptors.
   DescriptorKind descriptor = DescriptorKind::orb;
@@ -43,11 +42,11 @@ struct Features {
 void requireImageSize(const Features& features, const std::string& name);
 
 /// Throws std::invalid_argument unless `features` has one 32-byte CV_8U descriptor row per keypoint
-/// and, if it has keypoints, a positive image size. The message begins with `name` ("reference",
-/// "target").
+/// and, if it has keypoints, a positive image size. The message begins with `name`, such as
+/// "reference" or "target".
 void requireValid(const Features& features, const std::string& name);
 
-/// Throws std::invalid_argument unless both have the same kind of descriptors.
+/// Throws std::invalid_argument unless both frames have the same kind of descriptors.
 void requireSameDescriptor(const Features& reference, const Features& target);
 
 /// Throws std::invalid_argument unless `descriptors` is empty or CV_8U with 32 columns.

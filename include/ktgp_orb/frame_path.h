@@ -8,23 +8,23 @@
 
 namespace ktgp_orb {
 
-/// Stores how the newest frames of a camera map onto each other. The input is the homography of
-/// each frame to its reference: the previous frame, a keyframe, or a fixed one.
+/// Stores how the newest frames of a camera map onto each other. The input is the homography that
+/// relates each frame to its reference, which is the previous frame, a keyframe, or a fixed frame.
 ///
-/// All homographies are relative to the newest frame, so no number grows during a long flight. An
-/// instance belongs to one thread at a time.
+/// All homographies are relative to the newest frame, so that their entries do not grow during a
+/// long flight. An instance belongs to one thread at a time.
 class FramePath {
  public:
-  /// Stores at most `length` frames, >= 1, and the reference of the newest one.
+  /// Stores the newest `length` frames, >= 1, and the reference of the newest frame.
   explicit FramePath(std::size_t length);
 
-  /// Appends a frame. `homography`: reference -> frame, px; empty: none was found. Returns whether
-  /// the frame is connected to the previous ones; if it is not, these are forgotten. An unknown
-  /// reference starts a path of two frames: it and this one.
+  /// Appends a frame. `homography`: reference -> frame, px; empty if none was found. Returns
+  /// whether the frame is connected to the stored frames; if not, the stored frames are forgotten.
+  /// If the reference is not stored, a new path begins with the reference and this frame.
   bool add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography);
 
-  /// The homography frame `from` -> frame `to`; empty if one of them is not stored.
+  /// The homography that maps frame `from` to frame `to`; empty if one of the frames is not stored.
   std::optional<Eigen::Matrix3d> between(std::int64_t from, std::int64_t to) const;
 
   void clear();

@@ -18,8 +18,9 @@ struct GuidedOptions {
 };
 
 /// Matches keypoints again near the positions that a homography predicts. The right keypoint need
-/// not be the nearest of the whole frame, only of the few within the radius. Time is linear in the
-/// keypoints. Distances between positions are computed in single precision.
+/// not have the nearest descriptor in the whole frame, only among the few keypoints within the
+/// radius. The time is linear in the number of keypoints. Positions are compared in single
+/// precision.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class GuidedMatcher {
@@ -33,17 +34,18 @@ class GuidedMatcher {
   const GuidedOptions& options() const;
 
   /// `homography`: reference to target, px. `matches` becomes the mutual nearest pairs within the
-  /// radius, in target order, with Level::guided; for equal distances the lower index is nearest.
+  /// radius, in target order, with Level::guided. For equal distances, the lower index counts.
   /// `second_distance` is the distance to the next reference keypoint within the radius, or 256.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 
-  /// One round after a homography was found: matches as above and estimates again from all these
-  /// matches. The new estimate replaces `estimate` only when at least as many matches agree with it
-  /// (`threshold`, px; half as many with `by_cell`) and it can be the view of a plane; returns
-  /// whether. `by_cell`: matches that are close together count like one in the estimate, so that
-  /// the part of the scene with most matches, which may not be quite in the plane of the rest, does
-  /// not decide alone. `matches`: all matches found, also those that disagree with the estimate.
+  /// One guided round after a homography was found: matches as match() does, and estimates the
+  /// homography again from all these matches. The new estimate replaces `estimate` only if at least
+  /// as many matches agree with it within `threshold` px (half as many with `by_cell`), and if it
+  /// shows the whole reference or the old estimate does not. Returns whether it was replaced.
+  /// `by_cell`: matches that are close together count as one in the estimate. Otherwise the part of
+  /// the scene with the most matches, which may be slightly off the plane of the rest, would decide
+  /// alone. `matches`: all matches found, including those that disagree with the estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

@@ -22,10 +22,10 @@ struct KnnOptions {
 };
 
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
-/// Uses the best instructions of the processor, chosen at run time. The result does not depend on
-/// them, nor on the number of threads. Memory: 66 bytes per reference descriptor, reused. A
-/// reference with the same descriptors (and, for matchNear, positions) as in the last call is not
-/// prepared again.
+/// Uses the best instruction set of the processor, chosen at run time. The result depends neither
+/// on the instruction set nor on the number of threads. Memory: 66 bytes per reference descriptor,
+/// reused. If the reference has the same descriptors as in the last call (and, for matchNear, the
+/// same positions), it is not prepared again.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class KnnMatcher {
@@ -40,29 +40,29 @@ class KnnMatcher {
 
   /// `reference`, `target`: M×32 and N×32 CV_8U, continuous or not; otherwise
   /// std::invalid_argument. `correspondences` becomes N entries in target order, with Level::knn.
-  /// For equal distances the lower reference index is nearest. With one reference descriptor there
-  /// is no second neighbour: second_distance is 0, so no ratio passes. With none, `correspondences`
-  /// is empty.
+  /// If distances are equal, the lower reference index counts as nearest. With a single reference
+  /// descriptor there is no second neighbour; second_distance is then 0, so that no match passes
+  /// the ratio test. Without reference descriptors, `correspondences` is empty.
   void match(const cv::Mat& reference, const cv::Mat& target,
              std::vector<Correspondence>& correspondences);
 
-  /// As match, and marks mutual nearest pairs (Correspondence::mutual). For equal distances from a
-  /// reference descriptor, the lower target index is nearest. One pass over the distances finds
-  /// both directions: about an eighth more time with AVX-512, less without. Memory: 10 bytes more
-  /// per reference descriptor and thread.
+  /// Matches as match() does, and also marks mutual nearest pairs (Correspondence::mutual). If
+  /// distances from a reference descriptor are equal, the lower target index counts as nearest. One
+  /// pass over the distances finds both directions. It takes an eighth more time than match() with
+  /// AVX-512, less without. Memory: 10 bytes more per reference descriptor and thread.
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
-  /// As match, but searches only the reference keypoints within `search_radius` of the predicted
-  /// position. `prediction`: homography, reference to target, px. Time and memory grow with the
-  /// number of keypoints within the radius.
+  /// Matches as match() does, but searches only the reference keypoints within `search_radius` of
+  /// the predicted position. `prediction`: homography, reference to target, px. Time and memory
+  /// grow with the number of keypoints within the radius.
   ///
-  /// Exact: a reference keypoint at (x, y) is within the radius when (x - u)^2 + (y - v)^2 <=
-  /// radius^2 in single precision; (u, v) is the target keypoint mapped by the inverse of
-  /// `prediction` in double precision, then rounded. With only one keypoint, second_distance is the
-  /// mean distance of unrelated descriptors (kUnrelatedDistance), but at least the first distance.
-  /// With none, reference_index is -1 and both distances are 256. `mutual`: also marks mutual
-  /// nearest pairs within the radius.
+  /// The radius is exact: a reference keypoint at (x, y) is within the radius if (x - u)^2 + (y -
+  /// v)^2 <= radius^2 in single precision; (u, v) is the target keypoint mapped by the inverse of
+  /// `prediction` in double precision, then rounded. If only one keypoint is within the radius,
+  /// second_distance is the mean distance of unrelated descriptors (kUnrelatedDistance), but at
+  /// least the first distance. If none is, reference_index is -1 and both distances are 256.
+  /// `mutual`: whether mutual nearest pairs within the radius are marked, too.
   ///
   /// Throws std::invalid_argument for malformed features, for more than 4 194 304 keypoints in a
   /// frame, for a prediction that cannot be inverted, and if search_radius is 0.

@@ -24,16 +24,16 @@ namespace ktgp_orb {
 /// Which geometry explains the matches of level ktg.
 enum class GeometryModel : std::uint8_t {
   homography = 0,  ///< the paper's chain: PROSAC's homography
-  automatic = 1,   ///< homography or epipolar geometry, whichever chance explains less
+  automatic = 1,   ///< homography or epipolar geometry, whichever is less likely to arise by chance
   epipolar = 2,    ///< epipolar geometry alone
 };
 
 /// Options of the four stages and of the stages that may follow.
 struct MatcherOptions {
   KnnOptions knn;
-  /// T_w, in (0, 1]; empty: the default for the features' descriptors (see ratioThreshold).
+  /// T_w, in (0, 1]. If empty, the default for the descriptors is used (see ratioThreshold).
   std::optional<double> ratio_threshold;
-  /// Whether TF also requires that both are nearest to each other; not in the paper.
+  /// Whether TF also requires that the two features are nearest to each other; not in the paper.
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
@@ -41,15 +41,15 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
   GeometryModel geometry = GeometryModel::homography;
-  double shared_error = 0.0;  ///< px, of the two-view geometry: see TwoViewOptions
+  double shared_error = 0.0;  ///< for the two-view geometry, px; see TwoViewOptions::shared_error
 
-  /// The paper's chain with alignment: the defaults.
+  /// The paper's chain with alignment. These are the defaults.
   static MatcherOptions ktgp() { return {}; }
-  /// For hard pairs and for best accuracy: mutual nearest neighbours without ratio test and GMS,
-  /// PROSAC, a guided round, alignment.
+  /// For hard pairs and for the best accuracy: mutual nearest neighbours without ratio test and
+  /// GMS, then PROSAC, growth if PROSAC fails, a guided round and alignment.
   static MatcherOptions robust();
   /// For a moving camera in a scene with depth: mutual nearest neighbours without ratio test and
-  /// GMS, the geometry that fits, from matches that are aligned one by one.
+  /// GMS. Estimates the geometry that fits best from matches that are aligned one by one.
   static MatcherOptions slam();
 };
 
@@ -64,8 +64,9 @@ const char* toString(StageId stage);
 struct StageResult {
   StageId id = StageId::knn;
   std::size_t input = 0;  ///< knn: target features; others: correspondences
-  /// Correspondences left; guided: including those it added; growth: its own; align: aligned;
-  /// two_view: those that agree with the geometry.
+  /// Number of correspondences left. For guided, the matches that it added are included; for
+  /// growth, the pairs of its homography; for align, the aligned matches; for two_view, the matches
+  /// that agree with the geometry.
   std::size_t output = 0;
   double milliseconds = 0.0;  ///< wall-clock time
 };
@@ -74,14 +75,15 @@ struct StageResult {
 enum class Search : std::uint8_t {
   whole = 0,      ///< in the whole image
   near = 1,       ///< within the search radius of the predicted positions
-  fell_back = 2,  ///< first near, without success; then in the whole image
+  fell_back = 2,  ///< near the predicted positions without success, then in the whole image
 };
 
 /// Which stage found the geometry.
 enum class FoundBy : std::uint8_t {
-  none = 0,      ///< there is none
-  prosac = 1,    ///< the matches of level ktg
-  growth = 2,    ///< grown from single matches after PROSAC had found none (HomographyGrowth)
+  none = 0,    ///< there is no geometry
+  prosac = 1,  ///< PROSAC, from the matches of level ktg
+  /// HomographyGrowth, from single matches, after PROSAC found no homography that could be trusted.
+  growth = 2,
   two_view = 3,  ///< the two-view geometry (TwoViewMatcher)
 };
 
@@ -91,88 +93,87 @@ const char* toString(FoundBy found_by);
 /// Prior knowledge about two frames.
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
-  /// ProsacHomography::estimate). With a search radius, KNN searches only near its positions.
-  /// Growth does not run then, and a homography that it would have to judge, since few matches
-  /// agree with it, is rejected: match again with `whole_image`, as SequenceMatcher does.
+  /// ProsacHomography::estimate). With a search radius, KNN searches only near the predicted
+  /// positions. Growth does not run then. A homography that growth would have to judge because few
+  /// matches agree with it is rejected; match again with `whole_image` in this case, as
+  /// SequenceMatcher does.
   std::optional<Eigen::Matrix3d> prediction;
-  /// Searches the whole image, even with a search radius and a prediction.
+  /// Whether the whole image is searched, even with a search radius and a prediction.
   bool whole_image = false;
   /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
-  /// K of images without distortion, px, for the two-view geometry; empty: not known, and there is
-  /// no motion. The target's: empty if it is the reference's, whose image then has the same
-  /// size.
+  /// K of images without distortion, px, for the two-view geometry. If K of the reference is empty,
+  /// it is not known, and no motion is estimated. If K of the target is empty, the reference's K is
+  /// used; both images must then have the same size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;
-  /// The lens of raw images: see TwoViewInput.
+  /// The lens if the images are raw; see TwoViewInput.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// A motion that may be right, as of the frame before; see TwoViewInput.
+  /// A motion that may be right, such as that of the previous frame; see TwoViewInput.
   std::optional<RelativePose> motion;
 };
 
 /// The result for one pair of frames. Reused from call to call for its buffers.
 struct MatchResult {
-  /// ok: `geometry` was found, and it is one that MatcherOptions::geometry asks for.
+  /// If ok, `geometry` was found, and MatcherOptions::geometry asks for this kind.
   Status status = Status::no_reference;
-  /// The same for the homography alone: model_rejected where the geometry is epipolar.
+  /// Status of the homography alone: model_rejected if the geometry is epipolar, else `status`.
   Status homographyStatus() const {
     return geometry == Geometry::epipolar ? Status::model_rejected : status;
   }
   DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the descriptors
   Search search = Search::whole;                    ///< KtgpMatcher never sets fell_back
   FoundBy found_by = FoundBy::none;
-  /// One per target feature, in target order, with its level.
+  /// One correspondence per target feature, in target order, with the level that it reached.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
-  ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
-  /// knn, tf, gms, prosac: always these four. Then growth, guided, align, two_view: those that are
-  /// on.
+  ProsacResult prosac;  ///< its mask has one entry per correspondence of level ktg and above
+  /// Always knn, tf, gms and prosac; then growth, guided, align and two_view if they are on.
   std::vector<StageResult> stages{{StageId::knn}, {StageId::tf}, {StageId::gms}, {StageId::prosac}};
-  /// Null: this stage is off.
+  /// Returns the result of a stage; null if the stage is off.
   const StageResult* stage(StageId id) const;
-  GrowthResult growth;  ///< has no seeds where growth was not needed
+  GrowthResult growth;  ///< `seeds` is 0 if growth was not needed
   /// Matches that guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
 
-  /// The geometry that explains the matches. Plane and rotation have `answer`, too. Epipolar: there
-  /// is no homography for all (`answer` is zero), `two_view` has the geometry, and levels,
-  /// `inliers` and `rmse` belong to it (rmse: of Sampson distances).
+  /// The geometry that explains the matches. For plane and rotation, `answer` has the homography.
+  /// For epipolar, no homography explains all matches, and `answer` is zero. Then `two_view` has
+  /// the geometry, to which levels, `inliers` and `rmse` (of Sampson distances) refer.
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 
-  /// PROSAC's homography or the grown one, refined by guided matching and alignment; zero unless
-  /// homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` belong to this homography: a
+  /// The homography of PROSAC or of growth, refined by guided matching and alignment; zero unless
+  /// homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` refer to this homography: a
   /// correspondence that passed GMS has Level::ktgp exactly when its reprojection error is below
-  /// ProsacOptions::max_error. What PROSAC itself found is in `prosac` and `stages`.
+  /// ProsacOptions::max_error. The result of PROSAC itself is in `prosac` and `stages`.
   UncertainHomography answer;
   std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
-  double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
-  /// Matches of any level that stand still where `answer` says that the scene moves by 3 px or
-  /// more: hot pixels, dirt on the lens, burned-in text. Where more matches stand still than move,
-  /// and both are all over the image, those that move give the answer, and the others have level
-  /// kt.
+  double rmse = 0.0;        ///< root mean square reprojection error of these keypoints, px
+  /// Number of matches that passed the ratio filter and stand still although `answer` says that the
+  /// scene moves by 3 px or more. Causes are hot pixels, dirt on the lens and burned-in text. If
+  /// more matches stand still than move, and both kinds are all over the image, the moving matches
+  /// determine the answer, and the others get level kt.
   std::size_t still = 0;
-  /// Whether these are too many for chance.
+  /// Whether more matches stand still than chance explains.
   bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }
 
   /// Copies the correspondences that reached at least `level` into `out`, in target order.
   void surviving(Level level, std::vector<Correspondence>& out) const;
-  /// Sum over all stages.
+  /// Total time of all stages.
   double milliseconds() const;
-  /// Becomes the result for a frame without a reference, with the stages that `options` enables;
-  /// keeps the buffers.
+  /// Resets to the result without a reference, with the stages of `options`. Keeps the buffers.
   void clear(const MatcherOptions& options);
 };
 
 static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// KNN -> TF -> GMS -> PROSAC over the features of two frames. Then, where enabled: growth when
-/// there is no homography, guided matching and sub-pixel alignment, which do not change the counts
-/// of the four stages. With MatcherOptions::geometry the two-view geometry comes after GMS; where
-/// it is epipolar, neither PROSAC's homography nor what follows it is looked for. An instance
+/// Runs KNN -> TF -> GMS -> PROSAC over the features of two frames. If enabled, growth follows when
+/// there is no homography, then guided matching and sub-pixel alignment. These three do not change
+/// the counts of the four stages. If MatcherOptions::geometry asks for it, the two-view geometry is
+/// estimated after GMS. If it is epipolar, PROSAC and the stages after it do not run. An instance
 /// belongs to one thread at a time; several instances may work in parallel.
 class KtgpMatcher {
  public:
@@ -185,13 +186,13 @@ class KtgpMatcher {
   const MatcherOptions& options() const;
 
   /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
-  /// two kinds. Bad data, such as keypoints outside the image or no features at all, is legal and
-  /// gives a status.
+  /// two kinds. Bad data, such as keypoints outside the image or no features at all, does not
+  /// throw; the status tells.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
-  /// The same with prior knowledge. Throws std::invalid_argument for a prediction that is not
-  /// finite or, with a search radius, cannot be inverted, and for a K that cannot be one (see
-  /// TwoViewEstimator::estimate).
+  /// Matches with prior knowledge. Also throws std::invalid_argument for a prediction that is not
+  /// finite or, with a search radius, cannot be inverted, and for a matrix K that is not one of a
+  /// camera (see TwoViewEstimator::estimate).
   void match(const Features& reference, const Features& target, const MatchHints& hints,
              MatchResult& result);
 

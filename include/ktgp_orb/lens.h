@@ -9,11 +9,11 @@ namespace ktgp_orb {
 
 /// Lens model.
 enum class LensModel : std::uint8_t {
-  radial_tangential,  ///< 4, 5, 8, 12 or 14 coefficients in OpenCV's order (k1 k2 p1 p2 k3 ...)
+  radial_tangential,  ///< 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order (k1 k2 p1 p2 k3 ...)
   equidistant,        ///< fisheye: 4 coefficients (Kannala & Brandt, PAMI 2006)
 };
 
-/// The calibration of a camera, for the pixels of its images.
+/// Calibration of a camera, in px of its images.
 struct LensCalibration {
   LensModel model = LensModel::radial_tangential;
   cv::Size image_size;
@@ -31,17 +31,18 @@ struct LensCalibration {
 /// Immutable: several threads may use one instance.
 class Lens {
  public:
-  /// Throws std::invalid_argument for focal lengths that no camera has, for a number of
-  /// coefficients that the model does not have, for numbers that are not finite, and for a
-  /// distortion that cannot be undone near the middle of the image.
+  /// Throws std::invalid_argument for focal lengths that no camera has, for a wrong number of
+  /// coefficients, for numbers that are not finite, and for a distortion that cannot be inverted
+  /// near the middle of the image.
   explicit Lens(const LensCalibration& calibration);
 
   const LensCalibration& calibration() const { return calibration_; }
 
-  /// Moves keypoints to where the image without distortion has them, perhaps outside; good to 1e-3
-  /// px. NaN beyond 60 degrees from the axis, and where the model bends two rays to one point.
+  /// Moves keypoints to their positions in the image without distortion, which may be outside it;
+  /// accurate to 1e-3 px. The position is NaN beyond 60 degrees from the axis, and if the model
+  /// maps two rays to this pixel.
   void rectify(std::vector<cv::KeyPoint>& keypoints) const;
-  /// The image without distortion, with the size of `image`.
+  /// Computes the image without distortion, of the same size as `image`.
   void rectify(const cv::Mat& image, cv::Mat& rectified) const;
 
  private:

@@ -23,28 +23,28 @@ struct ErrorSummary {
 
 ErrorSummary summarize(const std::vector<double>& values);
 
-/// Median; the mean of the two middle values for an even number; 0 for an empty set.
+/// Median; for an even number of values, the mean of the two middle ones; 0 for an empty set.
 double median(std::vector<double> values);
 
-/// Hamming distance d1 over the correspondences that reached at least `level`. These are the
-/// figures that the paper's tables print as "ME" and "RMSE (pixels)".
+/// Mean and RMS of the Hamming distance d1 of the correspondences that reached at least `level`.
+/// The paper's tables print these figures as "ME" and "RMSE (pixels)".
 ErrorSummary descriptorDistance(const std::vector<Correspondence>& correspondences,
                                 Level level = Level::knn);
 
-/// Distance between the matched keypoints in image coordinates, px: Eq. 10 and 11 as printed. It
-/// measures the camera's motion, not an error.
+/// Distance between the matched keypoints in image coordinates, px, by Eq. 10 and 11 as printed.
+/// This measures the camera's motion, not an error.
 ErrorSummary displacement(const Features& reference, const Features& target,
                           const std::vector<Correspondence>& matches);
 
-/// Retention Q: correspondences after the ratio filter over those before it; 0 for none.
+/// Retention Q: ratio of correspondences after the ratio filter to those before it; 0 without any.
 double retention(std::size_t kept, std::size_t total);
 
-/// REP (Eq. 9): matched keypoints over detected keypoints, both counted in both images; 0 for none.
+/// REP (Eq. 9): ratio of matched to detected keypoints, each counted in both images; 0 without any.
 double matchedShare(std::size_t matches, const Features& reference, const Features& target);
 
-/// x' ~ H x in pixels; infinite if H maps x to the horizon or behind it. H may have any scale
-/// and sign, and its origin may be behind the horizon. A mirrored view (det H < 0 where the plane
-/// is seen) is detected only for an affine H.
+/// Maps x by H, in pixels; infinite if x is on the horizon or behind it. H may have any scale and
+/// sign, and the origin of the image may be behind the horizon. A mirrored view (det H < 0 where
+/// the plane is seen) is detected only for an affine H.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x);
 
 /// Distance in px between the target keypoint of each match and the position that `homography`
@@ -56,7 +56,7 @@ std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const 
 /// Number of correct matches: errors of at most `threshold` px.
 std::size_t countWithin(const std::vector<double>& errors, double threshold);
 
-/// Precision: share of errors of at most `threshold` px; 0 for none.
+/// Precision: share of errors of at most `threshold` px; 0 without errors.
 double precision(const std::vector<double>& errors, double threshold);
 
 /// Mean distance, px, between the corners of an image of `reference_size` mapped by the two
@@ -65,28 +65,28 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
                    const cv::Size& reference_size);
 
 /// Area under the curve "share of pairs with a corner error of at most x" for x from 0 to
-/// `threshold`, over `threshold`: 1 when every error is zero. An infinite error is a failed pair.
-/// Trapezoid rule, as in SuperGlue's pose_auc (Sarlin et al., CVPR 2020) and LoFTR: straight lines
-/// join the sorted errors, from (0, 0) on; the curve is level after the last error below
-/// `threshold`. The area below the exact steps is smaller by up to half a pair of n, 3.3 % for 15
-/// pairs.
+/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. An infinite error is a
+/// failed pair. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR 2020) and
+/// LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is level
+/// after the last error below `threshold`. The area under the exact step curve is smaller by up to
+/// half a pair of n, 3.3 % for 15 pairs.
 double areaUnderCurve(const std::vector<double>& errors, double threshold);
 
 /// Counts of Mikolajczyk's repeatability.
 struct Repeatability {
   std::size_t reference_common = 0;  ///< reference keypoints that the target image also shows
   std::size_t target_common = 0;     ///< target keypoints that the reference image also shows
-  std::size_t repeated = 0;          ///< pairs of them, one to one, whose regions overlap enough
+  std::size_t repeated = 0;          ///< one-to-one pairs of these, whose regions overlap enough
 
-  /// `repeated` over the smaller of the other two; 0 where that is 0.
+  /// Ratio of `repeated` to the smaller of the other two counts; 0 if that is 0.
   double score() const;
 };
 
-/// How many keypoints the detector finds again, whatever their descriptors (Mikolajczyk et al.,
-/// "A comparison of affine region detectors", IJCV 2005). A keypoint's region is the disc of its
-/// size; two regions repeat when 1 - intersection/union, after scaling both so that the reference
-/// region has a radius of 30 px in the target image, is at most `max_overlap_error`. `truth` maps
-/// reference to target. Keypoints with a larger overlap are paired first.
+/// Counts how many keypoints the detector finds again, regardless of the descriptors (Mikolajczyk
+/// et al., "A comparison of affine region detectors", IJCV 2005). A keypoint's region is the disc
+/// of its size; two regions repeat when 1 - intersection/union, after scaling both so that the
+/// reference region has a radius of 30 px in the target image, is at most `max_overlap_error`.
+/// `truth` maps reference to target. Pairs with a larger overlap are formed first.
 Repeatability detectorRepeatability(const Features& reference, const Features& target,
                                     const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
 

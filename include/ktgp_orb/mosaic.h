@@ -15,14 +15,14 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// 10^6 px, 1..1000: the mosaic stops growing at this size; the covered part is still updated. A
-  /// pixel takes five bytes, and up to twelve more for the keyframes.
+  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The covered part is still updated. A
+  /// pixel takes five bytes, plus up to twelve bytes for the keyframes.
   double max_megapixels = 64.0;
-  /// true: place a frame by a match to the nearest keyframe of the map. false: multiply the given
-  /// homographies; their errors add up.
+  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, the given
+  /// homographies are multiplied, so that their errors add up.
   bool keyframes = true;
-  /// Whether a frame is multiplied by one factor, so that its brightness fits the map. This avoids
-  /// steps when the exposure changes or a cloud passes.
+  /// Whether the brightness of a frame is scaled by one factor to fit the map. This avoids steps
+  /// when the exposure changes or a cloud passes.
   bool gain = true;
   OrbOptions orb;
   MatcherOptions matcher = MatcherOptions::robust();
@@ -32,7 +32,7 @@ struct MosaicOptions {
 enum class Placement : std::uint8_t {
   drawn,    ///< its position is known, and it was drawn
   seen,     ///< its position is known, but it has hardly moved, or the map is full
-  new_map,  ///< it is the first of a new map
+  new_map,  ///< it is the first frame of a new map
   lost,     ///< its position is not known
 };
 
@@ -43,16 +43,16 @@ const char* toString(Placement placement);
 enum class LostBecause : std::uint8_t {
   nothing,    ///< it is not lost
   unmatched,  ///< neither the homographies nor the keyframes lead to it
-  repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
-  zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
+  repeats,    ///< the ground has a repeating pattern; the frame may show any of its repetitions
+  zoomed,     ///< its scale in the map is not within 1/4..4: the camera turned, tilted or rose far
 };
 
-/// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
+/// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
 ///
-/// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
-/// is called or the map is finished. One that is not connected is searched in the map for a second,
-/// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
-/// first frame, continued on all sides. An instance belongs to one thread at a time.
+/// A frame is drawn when the view has moved by 0.03 of its width. The newest frame is also drawn
+/// when image() is called or the map is finished. Frames without a connection are searched in the
+/// map for at least a second and three frames before a new map begins. The map extends the pixel
+/// coordinates of its first frame. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -65,25 +65,25 @@ class Mosaic {
   /// Applies from the next frame on; the map stays. Throws as the constructor does.
   void setOptions(const MosaicOptions& options);
 
-  /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
-  /// every frame, in order, also for frames that are not placed.
+  /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call it for
+  /// every frame, in order, even for frames that you do not place.
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
   /// std::invalid_argument for another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
-  /// Called with the map, as image() gives it, before a new map replaces it.
+  /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Pose of the last placed frame: map -> frame, px; empty if it is lost.
+  /// Homography from the map to the last placed frame, px; empty if that frame is lost.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
-  /// First frame of the map, ns.
+  /// Stamp of the first frame of the map, ns.
   std::int64_t firstStamp() const;
 
-  /// The map, CV_8UC4: BGR, and alpha 0 for unseen parts; empty before the first drawing.
+  /// The map as CV_8UC4 (BGR and alpha, 0 for unseen parts); empty before the first frame is drawn.
   cv::Mat image() const;
   /// The map as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
   /// outline of the last placed frame.
@@ -92,13 +92,13 @@ class Mosaic {
   cv::Rect area() const;
 
   double megapixels() const;  ///< covered area, in whole tiles
-  bool full() const;          ///< something could not be drawn, since max_megapixels is reached
+  bool full() const;          ///< whether something was not drawn because max_megapixels is reached
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps begun
-  /// How far the points of the newest frames are from the plane of their keyframes, px: running
+  /// Distance of the points of the newest frames from the plane of their keyframes, px: the running
   /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
   double planeDeviation() const;
-  /// Whether that is so large that near or high things are drawn several times.
+  /// Whether planeDeviation() is so large that near or high objects are drawn several times.
   bool hasParallax() const;
 
   void reset();

@@ -15,8 +15,8 @@ namespace ktgp_orb {
 /// Which of the corners become keypoints.
 enum class KeypointDistribution : std::uint8_t {
   ranked,  ///< highest Harris response, as in cv::ORB
-  /// An equal share from every part of the image; where there are few corners, also those of half
-  /// the FAST threshold.
+  /// An equal share from every part of the image. Parts with few corners get half the FAST
+  /// threshold.
   uniform,
 };
 
@@ -24,7 +24,7 @@ enum class KeypointDistribution : std::uint8_t {
 enum class ImageKeeping : std::uint8_t {
   none,   ///< Features::images stay empty: no sub-pixel alignment
   copy,   ///< the image is copied and its pyramid kept
-  share,  ///< the same without a copy: do not write to the image while the features are in use
+  share,  ///< the image is kept without a copy; do not write to it while the features are in use
 };
 
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
@@ -32,19 +32,19 @@ struct OrbOptions {
   int max_features = 2000;    ///< maximum number of keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
-  /// The level that is the image itself, in [0, levels - 1], as in cv::ORB. Those before it are
-  /// larger, by scale_factor each: they find what is too small for a patch of 31 px. With TEBLID it
-  /// must be 0.
+  /// Index of the level that is the image itself, in [0, levels - 1], as in cv::ORB. The levels
+  /// before it are larger, each by scale_factor; they show details that are too small for a patch
+  /// of 31 px. With TEBLID it must be 0.
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
-  /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.
+  /// rBRIEF or TEBLID-256. Both have 256 bits; TEBLID tolerates more change of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
-  /// Uniform distribution: keypoints per cell where all cells have enough corners, >= 1. Smaller
-  /// cells spread the keypoints more evenly; larger ones allow a better choice of corners.
+  /// For the uniform distribution: keypoints per cell if all cells have enough corners, >= 1.
+  /// Smaller cells spread the keypoints more evenly; larger ones allow a better choice of corners.
   int keypoints_per_cell = 16;
   ImageKeeping images = ImageKeeping::copy;
-  int threads = 1;  ///< threads that share the work; 0 = all cores; the result is identical
+  int threads = 1;  ///< threads that share the work; 0: all cores; the result does not depend on it
 
   bool operator==(const OrbOptions& other) const;
   bool operator!=(const OrbOptions& other) const { return !(*this == other); }
@@ -52,14 +52,14 @@ struct OrbOptions {
 
 /// Finds ORB keypoints (Rublee et al., ICCV 2011) and their 256-bit descriptors.
 ///
-/// TEBLID descriptors equal those of OpenCV's xfeatures2d (scale factor 1), to the last bit.
+/// TEBLID descriptors equal the output of OpenCV's xfeatures2d (scale factor 1) to the last bit.
 ///
 /// With KeypointDistribution::ranked, the keypoints, their order and the rBRIEF descriptors equal
-/// those of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2,
-/// HARRIS_SCORE, 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On
-/// other processors cv::ORB rounds its blur differently, which changes a descriptor bit in some
-/// frames; this class does not.) For equal Harris responses cv::ORB keeps more keypoints than the
-/// limit, and so does this class.
+/// the output of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2, HARRIS_SCORE,
+/// 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other
+/// processors cv::ORB rounds its blur differently, which changes a descriptor bit in some frames;
+/// this class does not.) If Harris responses are equal, cv::ORB may keep more keypoints than the
+/// limit, and so may this class.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {

@@ -17,27 +17,27 @@ struct FrameView {
 
 /// Kinds of pictures of drawOverlay.
 enum class OverlayStyle : std::uint8_t {
-  flow,          ///< the target; a stroke from the old to the new position of each final match
-  side_by_side,  ///< reference and target side by side; lines join some of the matches
-  difference,    ///< target minus warped reference: uniform grey where the homography is right
+  flow,          ///< the target, with a stroke from the old to the new position of each final match
+  side_by_side,  ///< reference and target side by side, with lines that join some of the matches
+  difference,    ///< target minus warped reference; uniform grey if the homography is right
 };
 
 /// "flow", "side_by_side", "difference"
 const char* toString(OverlayStyle style);
 
-/// Draws one pair of frames into `canvas` (8-bit BGR; the size of the target, side_by_side: of
-/// both). The colour shows the last stage that a match passed, in a palette for colour-blind people
-/// (Okabe & Ito, 2008): yellow = final, purple = removed by PROSAC, blue = by GMS, grey = by the
-/// ratio filter. In `flow` the final matches are strokes, the others dots, and a white outline is
-/// the border of the reference image mapped by the homography; side_by_side has it, too. Final
-/// matches of an epipolar geometry are green, with some white epipolar lines in the target. Text
-/// and strokes scale with the image. A panel shows the status, a bar per stage, the milliseconds
-/// and the uncertainty of the corners. Throws std::invalid_argument for an image that is neither
-/// CV_8UC1 nor CV_8UC3.
+/// Draws one pair of frames into `canvas` (8-bit BGR), which gets the size of the target or, for
+/// side_by_side, of both images. The colour shows the last stage that a match passed, in a palette
+/// for colour-blind people (Okabe & Ito, 2008): yellow = final, purple = removed by PROSAC, blue =
+/// removed by GMS, grey = removed by the ratio filter. In `flow`, final matches are strokes and the
+/// others dots. In `flow` and side_by_side, a white outline is the border of the reference image
+/// mapped by the homography. Final matches of an epipolar geometry are green, and some white
+/// epipolar lines are drawn in the target. Text and strokes scale with the image. A panel shows the
+/// status, a bar per stage, the milliseconds and the uncertainty of the corners. Throws
+/// std::invalid_argument for an image that is neither CV_8UC1 nor CV_8UC3.
 void drawOverlay(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  OverlayStyle style, cv::Mat& canvas);
 
-/// Draws a frame that was not matched, and the reason. Throws as drawOverlay.
+/// Draws a frame that was not matched, and the reason. Throws as drawOverlay does.
 void drawUnmatched(const cv::Mat& target, const std::string& reason, cv::Mat& canvas);
 
 /// Draws the four stages as in the paper's Figure 4 into one picture of 2 x 2 panels: KNN, KNN+TF,

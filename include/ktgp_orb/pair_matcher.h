@@ -12,12 +12,12 @@ namespace ktgp_orb {
 struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  /// More than OrbOptions::max_features for images of more than a megapixel, up to 8000: larger
-  /// images have more details to tell apart.
+  /// Whether images of more than a megapixel get more than OrbOptions::max_features, in proportion
+  /// to their area, up to 8000. Larger images have more details to tell apart.
   bool features_by_area = false;
 
-  /// For two photographs of any kind, as preset photo: finds most, in seconds rather than
-  /// milliseconds.
+  /// For two photographs of any kind, as the preset photo. It succeeds on the most pairs of images,
+  /// but takes seconds instead of milliseconds.
   static PairOptions photo();
 };
 
@@ -25,14 +25,14 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  int max_features = 0;  ///< most keypoints per image, after PairOptions::features_by_area
+  int max_features = 0;  ///< limit of keypoints per image, after PairOptions::features_by_area
   double reference_milliseconds = 0.0;  ///< time to find the features
   double target_milliseconds = 0.0;
   MatchResult match;
 };
 
 /// Matches two images, 8-bit grey. With GrowthOptions::views, views of the reference are simulated
-/// where nothing is found without them, since they take longer than all the rest. Throws
+/// only if no geometry is found without them, because they take longer than everything else. Throws
 /// std::invalid_argument as OrbExtractor and KtgpMatcher do.
 PairMatch matchPair(const cv::Mat& reference, const cv::Mat& target,
                     const PairOptions& options = PairOptions::photo(),

@@ -18,7 +18,7 @@ struct ProsacOptions {
   /// Largest reprojection error of an inlier in the target (exclusive), px, > 0.
   double max_error = 3.0;
   int max_iterations = 2000;  ///< maximum number of samples, 1..1000000
-  /// 1 - eta0 of the maximality rule: probability that no better model was missed, in (0, 1).
+  /// Probability that no better model was missed, in (0, 1); 1 - eta0 in the maximality rule.
   double confidence = 0.995;
   std::uint64_t seed = 1;  ///< random seed of the sampling; the same seed gives the same answer
 };
@@ -28,9 +28,9 @@ struct PointPairs {
   std::vector<Eigen::Vector2d> reference;  ///< px in the reference image, finite
   std::vector<Eigen::Vector2d> target;     ///< px in the target image, finite
   std::vector<double> quality;             ///< beta = d1/d2 (Eq. 6), smaller is better
-  /// Standard deviation per coordinate that rounding gives each position, px, >= 0: 1/sqrt(12) for
-  /// whole pixels. Neighbouring pairs that move alike are rounded alike, so their agreement does
-  /// not show it.
+  /// Standard deviation of the rounding error per coordinate of each position, px, >= 0; 1/sqrt(12)
+  /// for whole pixels. Neighbouring pairs with the same motion have the same rounding error, so the
+  /// residuals do not show it.
   double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
@@ -51,30 +51,30 @@ struct PointPairs {
 /// The rule that ended the sampling.
 enum class ProsacStop : std::uint8_t {
   not_run,         ///< fewer than four pairs
-  maximality,      ///< a better model would have been found with the given confidence
+  maximality,      ///< any better model would have been found by now, with the given confidence
   max_iterations,  ///< the budget was used up
 };
 
-/// Eight entries, row by row. Not aligned: Eigen's alignment depends on the compiler's -march, and
-/// a program built with another one would read the results at other addresses.
+/// Covariance of eight entries, row by row. It is not aligned, because Eigen's alignment depends on
+/// the compiler's -march, and a program with another -march would read from wrong addresses.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
-/// A homography and its uncertainty: the type of the answer in the result of every stage that
-/// estimates a homography. All zero: there is none.
+/// A homography and its uncertainty: the answer of every stage that estimates a homography. All
+/// zero if there is no homography.
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN if H(2,2) is near
-  /// zero, which can happen when the origin is far from all points and the reference size is not
-  /// given. It covers the noise of the points and the part of their errors that varies smoothly
-  /// over the image (the scene is not quite a plane, the lens bends, the shutter rolls). It cannot
-  /// cover errors that are themselves a homography, such as those of a wrong calibration.
+  /// zero, which can happen if the origin is far from all points and no reference size is given. It
+  /// covers the noise of the points and the part of their errors that varies smoothly over the
+  /// image (the scene is not quite a plane, the lens bends, the shutter rolls). It cannot cover
+  /// errors that are themselves a homography, such as those of a wrong calibration.
   Covariance8 covariance = Covariance8::Zero();
-  /// The part of `covariance` that comes from the smooth errors. These are similar in the next
-  /// frame's homography; the noise is independent in each frame.
+  /// The part of `covariance` that comes from the smooth errors. The smooth errors of the next
+  /// frame's homography are similar, whereas the noise is independent in each frame.
   Covariance8 shared_covariance = Covariance8::Zero();
   /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
-  /// from a plane. 0 where it cannot be told from noise.
+  /// from a plane. 0 if it cannot be distinguished from noise.
   double plane_deviation = 0.0;
 };
 
@@ -82,11 +82,11 @@ struct UncertainHomography {
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
   UncertainHomography answer;        ///< zero unless status is ok
-  /// 1 where the reprojection error of the homography is below the threshold; else 0.
+  /// One entry per pair: 1 if its reprojection error is below the threshold, else 0.
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;  ///< ones in `mask`
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
-  int iterations = 0;       ///< samples drawn, including those from a best model's inliers
+  int iterations = 0;       ///< samples drawn, also from the inliers of the best model
   ProsacStop stop = ProsacStop::not_run;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
@@ -96,15 +96,16 @@ static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
 double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                          const Eigen::Vector2d& target);
 
-/// Finds the homography that most pairs agree with. Samples the best pairs first. Reports when no
-/// homography can be trusted:
+/// Finds the homography that the largest number of pairs agrees with, by sampling the best pairs
+/// first. The status says why no homography can be trusted:
 /// - too_few_matches: fewer than four pairs;
 /// - no_model: no homography agrees with more than the four pairs of its sample;
-/// - model_rejected: chance explains the support of the best one (fewer than about one in 10 000
-///   sets of random pairs pass; a pair closer than the threshold to another one in either image
-///   does not count), or it mirrors the image, maps a part of it beyond the horizon, or is not
-///   determined by its inliers: uncertain by more than 10 px at a corner, or by more than 20 px
-///   without a quarter of the inliers.
+/// - model_rejected: chance explains the support of the best homography, or it mirrors the image,
+///   or its inliers do not determine it. About one in 10 000 sets of random pairs passes the test
+///   of chance, or one in 10^12 if the horizon crosses the reference image. A pair closer than the
+///   threshold to another in either image does not count. A homography is not determined if it is
+///   uncertain by more than 10 px at a corner, or by more than 20 px without a quarter of the
+///   inliers.
 /// The homography maximises the likelihood under Student's t errors over the pairs within twice the
 /// threshold. The mask compares the reprojection errors with the threshold.
 ///
@@ -119,16 +120,16 @@ class ProsacHomography {
 
   const ProsacOptions& options() const;
 
-  /// `reference_size`: size of the reference image in px, for the check that H's horizon does not
-  /// cross it; empty: the bounding box of the points is used. Throws std::invalid_argument for
+  /// `reference_size`: size of the reference image in px, for the checks of its corners and of H's
+  /// horizon; if empty, the bounding box of the points is used. Throws std::invalid_argument for
   /// arrays of different length and for values that are not finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 
-  /// The same with an initial homography that may be right, for example predicted from earlier
-  /// frames or found by another method. It is scored before the first sample; where the pairs
-  /// support it, a few samples are enough. It gets no advantage otherwise: it must win against the
-  /// samples, is refined, and the verdict is the same. In px, of any scale and sign; ignored where
-  /// it cannot be the view of a plane from one side (singular or mirrored). Throws
+  /// Estimates with an initial homography that may be right, for example predicted from earlier
+  /// frames or found by another method. It is scored before the first sample; if the pairs support
+  /// it, a few samples are enough. Otherwise it has no advantage: it must win against the samples,
+  /// is refined, and gets the same verdict. It is in px, of any scale and sign. It is ignored if it
+  /// cannot be the view of a plane from one side (singular or mirrored). Throws
   /// std::invalid_argument if it is not finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size,
                 const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);

@@ -13,21 +13,21 @@
 namespace ktgp_orb {
 
 struct StabilizerOptions {
-  /// s, > 0: faster motion is shake and is removed; slower motion is the path.
+  /// Time scale of the smoothing, s, > 0. Faster motion is removed as shake; slower motion is kept.
   double strength = 0.4;
-  /// Number of later frames to wait for, 0..60: a larger lag gives a steadier picture, but later.
+  /// Number of frames to wait for, 0..60. A larger lag gives a steadier picture but more delay.
   int lag = 0;
   /// Share of width and height, at each border, that may be cut off, 0.01..0.4. No picture shows
-  /// anything beyond the border of its frame: shake that needs more room is limited gently.
+  /// anything beyond the border of its frame, so a larger correction is limited gently.
   double max_crop = 0.1;
 };
 
 /// A frame with its position in the steady picture.
 struct SteadyFrame {
   std::int64_t stamp = 0;
-  /// Frame -> steady picture of the same size, px.
+  /// Homography from the frame to the steady picture of the same size, px.
   Eigen::Matrix3d warp = Eigen::Matrix3d::Identity();
-  /// Not connected to the previous frame: a scene cut, or no homography was found.
+  /// The frame has no connection to the previous one: a scene cut, or no homography was found.
   bool starts_anew = false;
 };
 
@@ -35,10 +35,10 @@ struct SteadyFrame {
 ///
 /// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
-/// to these tracks, weighted by the distance in time. Its value at the time of the frame gives the
-/// corners in the steady picture. A line and not a mean, so that an evenly moving camera is
-/// followed without delay. Without lag a new path is expected to stand still until more is known.
-/// Where a new path begins, the last correction fades out.
+/// to these tracks, weighted by the distance in time. The value of the line at the time of the
+/// frame gives the corners in the steady picture. With a line instead of a mean, an evenly moving
+/// camera is followed without delay. Without lag, a new path is assumed to stand still until more
+/// frames are known. When a new path begins, the last correction fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
@@ -51,9 +51,9 @@ class Stabilizer {
   void setOptions(const StabilizerOptions& options);
 
   /// Adds the next frame, of `size` px, taken at `stamp` ns. `homography`: reference -> frame;
-  /// empty: none was found. Appends to `ready` the frames whose positions are now known, oldest
-  /// first: the one `lag` frames ago, or, where a new path begins, all waiting frames and then this
-  /// one.
+  /// empty if none was found. Appends to `ready` the frames whose positions are now known, oldest
+  /// first: the frame that was added `lag` frames ago. If a new path begins, all waiting frames are
+  /// appended first.
   void add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography, const cv::Size& size,
            std::vector<SteadyFrame>& ready);
@@ -74,7 +74,7 @@ class Stabilizer {
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
   Corners correction_;  // where the corners of the newest finished frame were moved to, px
-  Corners fading_;      // the rest of the correction before the path began anew
+  Corners fading_;      // correction at the end of the last path, which fades out
   std::int64_t fading_since_ = 0;
 };
 

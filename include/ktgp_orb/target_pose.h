@@ -10,12 +10,11 @@
 
 namespace ktgp_orb {
 
-/// Poses of detected targets in front of a camera with a lens and a shutter. Keeps its buffers. An
-/// instance belongs to one thread at a time.
+/// Computes the poses of detected targets, with the effects of the lens and the shutter removed.
+/// Keeps its buffers. An instance belongs to one thread at a time.
 class TargetPose {
  public:
-  /// `readout_time`: of a rolling shutter, from the first row to the last one, s; 0: a global
-  /// shutter; below 0: not known.
+  /// `readout_time` of a rolling shutter, s: see withoutShutter. 0: global shutter; -1: not known.
   explicit TargetPose(double readout_time = -1.0);
   ~TargetPose();
   TargetPose(TargetPose&&) noexcept;
@@ -23,14 +22,14 @@ class TargetPose {
 
   void setReadoutTime(double seconds);
 
-  /// The poses of a target with a width, as of planarPoses(). `camera`: K of an image without
-  /// distortion, px. `lens`: of the image that the target was found in; null: it has no distortion.
-  /// `stamp`, ns, and `rows`: of the image.
+  /// Returns the poses of a target whose width is known, as planarPoses() does. `camera`: K of an
+  /// image without distortion, px. `lens`: lens of the image in which the target was found; null if
+  /// it has no distortion. `stamp`, ns, and `rows` are those of this image.
   ///
-  /// With lens distortion, no homography maps a flat target to the image. Then the pairs of the
-  /// detection are rectified, and a homography is fitted to them. Unless the shutter is a global
-  /// one, a target that was seen in the image before has the pose that it had when the middle row
-  /// was exposed (see withoutShutter). Throws as planarPoses() and withoutShutter().
+  /// With lens distortion, no homography maps a flat target to the image. The pairs of the
+  /// detection are therefore rectified, and a homography is fitted to them. Unless the shutter is
+  /// global, the pose of a target that was also seen in the previous image is its pose when the
+  /// middle row was exposed (see withoutShutter). Throws as planarPoses() and withoutShutter() do.
   PlanarPoses find(const DetectedTarget& target, const Eigen::Matrix3d& camera, const Lens* lens,
                    std::int64_t stamp, int rows);
 

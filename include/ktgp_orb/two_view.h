@@ -33,12 +33,12 @@ enum class Doubt : std::uint8_t {
   none = 0,
   two_motions_of_a_plane = 1,    ///< a plane allows two motions, and no pair tells them apart
   few_points_off_the_plane = 2,  ///< the pairs off a dominant plane are too few, or in one place
-  small_parallax = 3,            ///< another direction of the translation fits as well, or its sign
-  repetitive = 4,                ///< wrong pairings of a texture that repeats itself fit as well
-  moving_region = 5,             ///< a turn or standing still explains all but one compact region
-  mirrored = 6,      ///< the keypoints turn or scale against the motion, as in a mirror image
-  other_motion = 7,  ///< another motion fits as well for none of these reasons
-  undetermined = 8,  ///< the inliers do not determine the geometry
+  small_parallax = 3,  ///< another direction or the opposite sign of the translation fits as well
+  repetitive = 4,      ///< wrong pairings of a texture that repeats itself fit as well
+  moving_region = 5,   ///< a turn or a camera at rest explains all but one compact region
+  mirrored = 6,        ///< keypoints turn or scale against the motion, as in a mirror image
+  other_motion = 7,    ///< another motion fits as well, for none of the reasons above
+  undetermined = 8,    ///< the inliers do not determine the geometry
 };
 
 /// The enumerator's own name, e.g. "small_parallax".
@@ -46,17 +46,16 @@ const char* toString(Doubt doubt);
 
 /// Options of the two-view geometry.
 struct TwoViewOptions {
-  /// Largest reprojection error of an inlier of a homography in the target, px, > 0. The largest
-  /// Sampson distance of an inlier of an epipolar geometry, which counts the errors in both images,
-  /// is half of it.
+  /// Largest reprojection error of an inlier of a homography in the target, px, > 0. For an
+  /// epipolar geometry, the largest Sampson distance of an inlier is half of this, since it
+  /// contains the errors in both images.
   double max_error = 3.0;
   int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
-  bool homography = true;     ///< false: only an epipolar geometry is looked for
-  /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
-  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
-  /// geometry.
+  bool homography = true;     ///< false: only an epipolar geometry is searched
+  /// Standard deviation of errors of the calibration, the shutter and the lens, px, >= 0. They vary
+  /// linearly over the image and do not show in residuals; the epipolar covariance contains them.
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
@@ -73,30 +72,30 @@ struct RelativePose {
 
 /// Prior knowledge about the two images.
 struct TwoViewInput {
-  /// K of images without distortion, px. Empty: not known, and no pose is estimated.
+  /// K of images without distortion, px. If empty, it is not known, and no pose is estimated.
   std::optional<Eigen::Matrix3d> reference_camera;
-  std::optional<Eigen::Matrix3d> target_camera;  ///< empty: as the reference's
-  cv::Size reference_size;                       ///< px; empty: the box of the points is used
-  cv::Size target_size;                          ///< px; the same
-  /// A motion that may be right, for example that of the frame before. It is scored before the
-  /// first sample, and gets no other advantage.
+  std::optional<Eigen::Matrix3d> target_camera;  ///< if empty, the reference's K is used
+  cv::Size reference_size;  ///< px; if empty, the bounding box of the points is used
+  cv::Size target_size;     ///< px; if empty, likewise
+  /// A motion that may be right, for example the motion of the previous frame. It is scored before
+  /// the first sample and has no other advantage.
   std::optional<RelativePose> prediction;
-  /// TwoViewMatcher: moves points of the images to the pixels of K; null: the images have no
-  /// distortion. Pairs, fundamental matrix and homography are then of images without distortion.
+  /// For TwoViewMatcher: maps points of the images to the pixels of K; null if the images have no
+  /// distortion. Pairs, fundamental matrix and homography then refer to images without distortion.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// Standard deviation of each pair's error, relative to the others: 1 for the most precise; null:
-  /// all alike. TwoViewMatcher sets it.
+  /// Standard deviation of the error of each pair, relative to the most precise pairs, which have
+  /// 1; null if all pairs are equally precise. TwoViewMatcher sets it.
   const std::vector<double>* deviations = nullptr;
-  /// A homography that may be right, for example of the same matches before they were aligned.
+  /// A homography that may be right, for example from the matches before alignment.
   std::optional<Eigen::Matrix3d> homography;
 };
 
 /// A point of the scene in the reference camera's frame.
 struct ScenePoint {
   std::size_t pair = 0;                                ///< index of its pair
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< at unit baseline
-  /// From the scale of the errors, with the motion taken as exact.
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in units of the baseline
+  /// Covariance of the position, from the scale of the errors; the motion is taken as exact.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -104,37 +103,39 @@ struct ScenePoint {
 struct OtherMotion {
   Geometry geometry = Geometry::none;
   RelativePose pose;
-  Covariance6 pose_covariance = Covariance6::Zero();  ///< as TwoView::pose_covariance, of this one
+  Covariance6 pose_covariance = Covariance6::Zero();  ///< of this motion; see TwoView
   double probability = 0.0;                           ///< in [0, 1]
 };
 
-/// Reused from call to call for its buffers.
+/// Result of TwoViewEstimator::estimate. It keeps its buffers if you reuse it.
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
   /// ok: why `other` is not excluded; model_rejected: why there is no answer; else none.
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 
-  /// Plane and rotation: the homography. For an epipolar geometry, that of its dominant plane, if
-  /// it has one; zero otherwise.
+  /// The homography for plane and rotation. For an epipolar geometry, the homography of its
+  /// dominant plane, if there is one; else zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// x_target^T F x_reference = 0, px, of norm 1; zero for a rotation and for a plane without K.
+  /// The fundamental matrix, x_target^T F x_reference = 0, in px and of norm 1; zero for a rotation
+  /// and for a plane without K.
   Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
 
-  /// With K: the likeliest motion, and its probability in [0, 1]: the rest is that of `other`, the
-  /// next likely one that is really different, where that is not excluded.
+  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the next likely motion
+  /// that is really different, if it is not excluded; it has the rest of the probability.
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
   /// Covariance of small changes of the translation (x, y, z) and small rotations about the target
-  /// camera's axes (rad), in this order. The length of the translation is fixed, so it has rank 5;
-  /// 3 for a rotation, with a translation of variance 0. Where there is `other`, it spans both
-  /// motions. NaN without K or where it is not known.
+  /// camera's axes (rad), in this order. The length of the translation is fixed, so the covariance
+  /// has rank 5, or 3 for a rotation, whose translation has variance 0. If there is `other`, the
+  /// covariance spans both motions. NaN without K or if it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Median angle between the two rays of an inlier, degrees; NaN without K.
   double parallax = 0.0;
 
-  /// One per pair: 1 where it agrees with the geometry, and with K lies in front of both cameras.
+  /// One entry per pair: 1 if it agrees with the geometry and, with K, lies in front of both
+  /// cameras.
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;  ///< ones in `mask`
   /// Root mean square over the inliers, px: reprojection error in the target (plane, rotation) or
@@ -143,28 +144,29 @@ struct TwoView {
   double scale = 0.0;  ///< robust scale of the Sampson distances, px; 0 unless epipolar
 
   /// log10 of the expected number of models with such support by chance (Moisan & Stival, IJCV
-  /// 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 where there is no model. The smaller one wins.
+  /// 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no model. The smaller number wins.
   double log_false_alarms_homography = 0.0;
   double log_false_alarms_epipolar = 0.0;
-  int iterations = 0;  ///< samples of the search for the epipolar geometry
+  int iterations = 0;  ///< number of samples in the search for the epipolar geometry
 };
 static_assert(alignof(TwoView) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// Finds the geometry that explains the point pairs of two images: plane, rotation, depth or none.
 ///
-/// The search is PROSAC's for all: samples of four for a homography, of five for an essential
-/// matrix (Nister, PAMI 2004), of seven for a fundamental matrix. Then the motion is refined on its
-/// manifold by maximum likelihood, with Student's t errors of Sampson distances.
+/// All models are searched by PROSAC, with samples of four pairs for a homography, five for an
+/// essential matrix (Nister, PAMI 2004) and seven for a fundamental matrix. Then the motion is
+/// refined on its manifold by maximum likelihood, with Student's t errors of Sampson distances.
 ///
-/// The choice: every pair has a chance to agree as well as it does with a wrong model. For a
-/// homography that is the share of a disc of its error in the image; for an epipolar line, of a
-/// strip. Where there is a homography, the pairs must also show parallax: their errors from it
-/// point along the epipolar lines, more often than random directions would. So a plane with a few
-/// other points gives the geometry of all of them, and a plane alone stays a plane.
+/// The model with fewer false alarms is chosen. Every pair may agree with a wrong model by chance;
+/// the probability is the area of a disc around the predicted point (homography) or of a strip
+/// along the epipolar line, with the size of the error, relative to the image. If there is a
+/// homography, the pairs must also show parallax: their residuals under the homography must point
+/// along the epipolar lines more often than random directions. So a plane with a few other points
+/// gives an epipolar geometry, and a plane alone remains a plane.
 ///
-/// model_rejected: a geometry is significant, but contradicted or not determined; TwoView::doubt
-/// says why.
+/// model_rejected: a geometry is significant, but contradicted or not determined; see
+/// TwoView::doubt.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewEstimator {
@@ -177,9 +179,9 @@ class TwoViewEstimator {
 
   const TwoViewOptions& options() const;
 
-  /// Throws std::invalid_argument for arrays of different length, values that are not finite, and a
-  /// K that is not one: focal lengths that no camera has, entries that are not finite, or a
-  /// principal point outside the image, as of a K that belongs to another image size.
+  /// Throws std::invalid_argument for arrays of different length, values that are not finite, and
+  /// an impossible K: focal lengths that no camera has, entries that are not finite, or a principal
+  /// point outside the image, which happens if K belongs to another image size.
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
 
  private:
@@ -187,31 +189,31 @@ class TwoViewEstimator {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The same in one call. The pairs are taken as sorted, best first.
+/// Estimates the two-view geometry in one call. The pairs must be sorted, best first.
 TwoView estimateTwoView(const std::vector<Eigen::Vector2d>& reference,
                         const std::vector<Eigen::Vector2d>& target, const TwoViewInput& input = {},
                         const TwoViewOptions& options = {});
 
-/// The two-view geometry of the matches of two frames. Reused from call to call for its buffers.
+/// The two-view geometry of the matches of two frames. It keeps its buffers if you reuse it.
 struct TwoViewMatches {
   TwoView view;
-  /// The matches of level ktg and above, in their order. Where the images allowed it, the points
-  /// are more accurate than the keypoints.
+  /// The matches of level ktg and above, in their order. If the alignment of a match succeeded, its
+  /// points are more accurate than the keypoints.
   PointPairs pairs;
   std::vector<std::size_t> match;     ///< index of each pair in the list of matches
-  std::vector<std::uint8_t> aligned;  ///< 1 where the images gave the points
-  /// One per match: its level, but Level::ktgp where it agrees with the geometry of `view`, and at
-  /// most Level::ktg elsewhere.
+  std::vector<std::uint8_t> aligned;  ///< 1 if the points were aligned by the images
+  /// Level of each match: Level::ktgp if it agrees with the geometry of `view`, else its old level,
+  /// but at most Level::ktg.
   std::vector<Level> levels;
 };
 
-/// The geometry of matches, by points that are aligned one by one.
+/// Estimates the geometry of matches, from points that are aligned one by one.
 ///
-/// Keypoints are good to half a pixel. For each match, the 16x16 px around the reference keypoint
-/// are found in the target (see Alignment), warped by the affine map that the twelve matches next
-/// to it suggest; no plane is assumed. A match that moves farther than 4 px, or whose patches do
-/// not look alike (correlation below 0.8), stays where it is. Needs Features::images; without them
-/// the keypoints are taken.
+/// Keypoints are accurate to half a pixel. For each match, the patch of 16x16 px around the
+/// reference keypoint is found in the target (see Alignment). The patch is warped by the affine map
+/// of the twelve nearest matches, so no plane is assumed. A match keeps its keypoints if it would
+/// move by more than 4 px or if its patches do not look alike (correlation below 0.8). Without
+/// Features::images, all keypoints are kept.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewMatcher {
@@ -222,8 +224,8 @@ class TwoViewMatcher {
   TwoViewMatcher(TwoViewMatcher&&) noexcept;
   TwoViewMatcher& operator=(TwoViewMatcher&&) noexcept;
 
-  /// `matches`: of KtgpMatcher. The sizes in `input` are those of the features. Throws as
-  /// TwoViewEstimator::estimate.
+  /// `matches`: matches of KtgpMatcher. The image sizes are taken from the features, not from
+  /// `input`. Throws as TwoViewEstimator::estimate does.
   void estimate(const Features& reference, const Features& target,
                 const std::vector<Correspondence>& matches, const TwoViewInput& input,
                 TwoViewMatches& result);
@@ -233,8 +235,8 @@ class TwoViewMatcher {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The points that the inliers show, in the order of the pairs. Needs a pose with a translation;
-/// else empty. Pairs whose rays are parallel within the errors are left out.
+/// Computes the scene points of the inliers, in the order of the pairs. `points` is empty without a
+/// pose with a translation. Pairs whose rays are parallel within the errors are left out.
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points);
 

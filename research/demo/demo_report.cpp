@@ -1,6 +1,6 @@
-// Watches the demo: a status line while it runs, then a table and a picture. Also compares what
-// ktgp_bag has found in the same flight, and in a recording of a camera that stands still, with the
-// truth.
+// Watches the demo: prints a status line while it runs, then writes a table and a picture. Also
+// compares with the truth what ktgp_bag has found in the same flight, and in a recording of a
+// camera that stands still.
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
@@ -104,8 +104,7 @@ double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& 
   return count > 0.0 ? std::sqrt(sum / count) : 0.0;
 }
 
-/// Root mean square error of the frame's corners in the map, px of the map. `found`, `truth`: map
-/// -> frame.
+/// RMS error of the frame's corners in the map, px of the map. `found`, `truth`: map -> frame.
 double positionError(const Eigen::Matrix3d& found, const Eigen::Matrix3d& truth) {
   double sum = 0.0;
   for (const double x : {0.0, kImageWidth - 1.0}) {
@@ -132,7 +131,7 @@ class Report {
     motion_ = node.subscribe("/camera/ground_motion/odometry", kUnlimited, &Report::onMotion, this);
   }
 
-  /// Until the results of the last frame have arrived, or nothing has arrived for a while.
+  /// Runs until the results of the last frame have arrived, or nothing has arrived for a while.
   bool run() {
     constexpr double kStartTimeout = 60.0;  // s
     constexpr double kIdleTimeout = 5.0;
@@ -269,7 +268,7 @@ std::map<ros::Time, Eigen::Matrix3d> readHomographies(const std::string& path) {
     return static_cast<std::size_t>(found - names.begin());
   };
   const std::size_t stamp = column("stamp");
-  const std::size_t first = column("h00");  // the other eight follow
+  const std::size_t first = column("h00");  // the other eight entries follow
   std::map<ros::Time, Eigen::Matrix3d> homographies;
   while (std::getline(file, line)) {
     const std::vector<std::string> fields = fieldsOf(line);
@@ -282,7 +281,7 @@ std::map<ros::Time, Eigen::Matrix3d> readHomographies(const std::string& path) {
   return homographies;
 }
 
-/// How far the last frame is from its true place in the mosaic.
+/// Prints how far the last frame is from its true place in the mosaic.
 void scoreMosaic(const std::string& bag, const std::string& poses) {
   const auto places = readHomographies(poses);
   if (places.empty()) throw std::runtime_error(poses + ": no frame is in the mosaic");

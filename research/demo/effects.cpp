@@ -6,7 +6,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-/// The mean over an exposure of `seconds` around `t`.
+/// The mean picture over an exposure of `seconds` around `t`.
 cv::Mat expose(const cv::Mat& map, double t, double seconds, const Manner& manner) {
   constexpr int kInstants = 15;
   cv::Mat sum(kImageHeight, kImageWidth, CV_32FC3, cv::Scalar::all(0.0));

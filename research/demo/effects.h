@@ -21,9 +21,9 @@ const char* toString(Segment segment);
 cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed,
                     const Manner& manner = {});
 
-/// Changing brightness and contrast, flicker, and a passing shadow, at `t` s; 8 bit.
+/// Applies changing brightness and contrast, flicker, and a passing shadow at `t` s; 8 bit.
 void changeLight(double t, cv::Mat& image);
-/// Read noise of a few grey values plus shot noise that grows with the light; 8 bit.
+/// Adds read noise of a few grey values, and shot noise that grows with the light; 8 bit.
 void addNoise(std::uint64_t seed, cv::Mat& image);
 
 }  // namespace ktgp_orb::demo

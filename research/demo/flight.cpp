@@ -30,13 +30,13 @@ double tremble(double t, int axis) {
   return sum / std::sqrt(0.5 * 4.0);
 }
 
-/// In px of the map, whose z axis points down.
+/// Pose in px of the map, whose z axis points down.
 motion::CameraPose mapPose(double t, const Manner& manner) {
   const double height = 600.0 + 130.0 * std::sin(0.9 * t);  // px of the map
   const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
   const double pitch = manner.tilt * std::sin(0.8 * t + 1.0) * kDegree;
   const double roll = 0.8 * manner.tilt * std::sin(1.1 * t) * kDegree;
-  const double angle = manner.shake / kFocalLength;  // rad for this number of px
+  const double angle = manner.shake / kFocalLength;  // rad; it shifts the image by `shake` px
   motion::CameraPose pose;
   pose.axes = (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
                Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *

@@ -11,7 +11,7 @@ constexpr int kImageWidth = 640;
 constexpr int kImageHeight = 480;
 constexpr double kFocalLength = 525.0;  ///< px; the principal point is the image centre
 
-constexpr double kMetre = 0.2;  ///< m, a pixel of the map
+constexpr double kMetre = 0.2;  ///< size of a pixel of the map, m
 
 /// How the camera flies.
 struct Manner {
@@ -19,8 +19,8 @@ struct Manner {
   double tilt = 10.0;  ///< degrees, largest pitch; the largest roll is 0.8 of it
 };
 
-/// Pose of the camera `seconds` into the flight, in a frame of the ground with x as in the map, y
-/// up in the map and the middle of the map as its origin.
+/// Pose of the camera `seconds` into the flight, in a frame of the ground: x as in the map, y up in
+/// the map, and the origin in the middle of the map.
 motion::CameraPose poseAt(double seconds, const Manner& manner);
 
 /// K of the camera, px.

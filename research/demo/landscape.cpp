@@ -8,7 +8,7 @@ namespace ktgp_orb::demo {
 namespace {
 
 // Lengths are map pixels of about 20 cm.
-const cv::Point2f kSun(0.55F, 0.75F);  // shadow per height
+const cv::Point2f kSun(0.55F, 0.75F);  // shift of a shadow per height
 const cv::Scalar kGrass(70, 120, 95);
 const cv::Scalar kLeaves(45, 85, 55);
 const cv::Scalar kConcrete(165, 172, 176);
@@ -62,7 +62,7 @@ void addTree(cv::Point2f middle, float radius, Dice& dice, Landscape& landscape)
   }
 }
 
-/// Covers `roof` with thin lines parallel to `along`, `spacing` px apart.
+/// Covers `surface` with thin lines parallel to `along`, `spacing` px apart.
 void addStripes(const Polygon& surface, cv::Point2f along, float spacing, float width,
                 const cv::Scalar& colour, float variation, Dice& dice, std::vector<Shape>& layer) {
   const cv::Point2f across = normalTo(along);
@@ -82,7 +82,7 @@ void addBox(const Polygon& outline, float height, const cv::Scalar& colour, Land
   landscape.objects.push_back({outline, 0.F, colour});
 }
 
-/// Shadow of an object on a roof, which hides the layer of shadows on the ground.
+/// Adds an object on a roof, with a shadow: the roof hides the layer of shadows on the ground.
 void addRoofBox(const Polygon& outline, float height, const cv::Scalar& roof,
                 const cv::Scalar& colour, Landscape& landscape) {
   landscape.objects.push_back({shifted(outline, kSun * height), 0.F, lighter(roof, 0.5)});
@@ -200,7 +200,7 @@ cv::Scalar Dice::shade(const cv::Scalar& colour, float amount) {
 }
 
 cv::Point2f Dice::inside(const Polygon& polygon) {
-  // A random triangle of the fan around the first corner, then a random point of it.
+  // Picks a random triangle of the fan around the first corner, then a random point in it.
   const int triangle = pick(std::max(1, static_cast<int>(polygon.size()) - 2));
   float u = between(0.F, 1.F);
   float v = between(0.F, 1.F);

@@ -24,14 +24,14 @@ class Dice {
   bool chance(float probability) { return rng_.uniform(0.F, 1.F) < probability; }
   /// `colour` made darker or lighter by up to `amount` grey values.
   cv::Scalar shade(const cv::Scalar& colour, float amount);
-  cv::Point2f inside(const Polygon& polygon);  ///< a point of the convex polygon
+  cv::Point2f inside(const Polygon& polygon);  ///< a random point of the convex polygon
 
  private:
   cv::RNG rng_;
 };
 
-/// The uses of a block of land; each fills the convex polygon `block` and nothing outside it except
-/// shadows.
+/// Each function fills the convex polygon `block` with one use of land, and nothing outside it
+/// except shadows.
 void addTown(const Polygon& block, Dice& dice, Landscape& landscape);
 void addField(const Polygon& block, Dice& dice, Landscape& landscape);
 void addForest(const Polygon& block, Dice& dice, Landscape& landscape);

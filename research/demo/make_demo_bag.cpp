@@ -67,7 +67,6 @@ HomographyStamped truth(int frame, const Manner& manner) {
   return message;
 }
 
-/// The scene of the flight.
 struct Scene {
   cv::Mat map;
   std::vector<Sign> signs;  ///< on the map
@@ -113,8 +112,8 @@ void writeFrames(const Scene& scene, rosbag::Bag& bag) {
 
 void writeBag(const std::string& path, const Scene& scene, bool force) {
   files::OutputFile file(path, force);
-  // Its destructor closes it and throws if the disk is full, which would end the program; the
-  // object then lives until the process ends.
+  // The destructor of a bag closes it and throws if the disk is full, which would end the program.
+  // So after an error the bag is not destroyed.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
     writeFrames(scene, *bag);
@@ -164,7 +163,7 @@ int run(int argc, char** argv) {
   plan.write(path);
   if (!targets.empty()) {
     scene.signs = drawSigns();
-    std::error_code failed;  // the plan says what cannot be written
+    std::error_code failed;  // the output plan reports what cannot be written
     std::filesystem::create_directories(targets, failed);
     for (const std::string& file : filesOf(scene.signs, targets)) plan.write(file);
   }

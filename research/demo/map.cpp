@@ -101,7 +101,7 @@ cv::Mat makeTexture(std::uint64_t seed) {
   return texture;
 }
 
-/// image · texture · (1 - shadow/255), in place.
+/// Multiplies the image by texture · (1 - shadow/255), in place.
 void shade(const cv::Mat& texture, const cv::Mat& shadow, cv::Mat& image) {
   cv::parallel_for_(cv::Range(0, image.rows), [&](const cv::Range& range) {
     for (int y = range.start; y < range.end; ++y) {

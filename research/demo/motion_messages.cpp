@@ -14,7 +14,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-constexpr double kRangeNoise = 0.01;                    // share
+constexpr double kRangeNoise = 0.01;                    // share of the range
 constexpr double kTiltNoise = 0.5 * util::kPi / 180.0;  // rad
 constexpr double kRateNoise = 0.2 * util::kPi / 180.0;  // rad/s
 
@@ -80,7 +80,7 @@ void writeMotion(const std_msgs::Header& image, double seconds, std::uint64_t se
   range.range = static_cast<float>(distance * (1.0 + random.gaussian(kRangeNoise)));
   bag.write("/camera/range", image.stamp, range);
 
-  sensor_msgs::Imu imu;  // its axes are those of the camera
+  sensor_msgs::Imu imu;  // its axes are the axes of the camera
   imu.header = image;
   imu.orientation = quaternionOf(pose.axes * motion::rotationAbout(noise(kTiltNoise, random)));
   const double half = 0.5 / kFrameRate;

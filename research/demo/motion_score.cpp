@@ -36,7 +36,7 @@ std::string motionScore(const Odometries& truth, const Odometries& found) {
   for (auto each = std::next(first); each != truth.end() && each->first <= last->first; ++each) {
     way += (positionOf(each->second) - positionOf(std::prev(each)->second)).norm();
   }
-  // The odometry begins above its origin.
+  // The odometry begins above its own origin, so the true motion is turned to its first yaw.
   const double turn = yawOf(found.begin()->second) - yawOf(first->second);
   const Eigen::Matrix3d to_odometry =
       Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();

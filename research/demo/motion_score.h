@@ -7,10 +7,10 @@
 
 namespace ktgp_orb::demo {
 
-/// By their stamps.
+/// Odometry messages by their stamps.
 using Odometries = std::map<ros::Time, nav_msgs::Odometry>;
 
-/// Drift and velocity error of an odometry in a line; says so where there is nothing to compare.
+/// Drift and velocity error of an odometry as a line of text, or a note if nothing can be compared.
 std::string motionScore(const Odometries& truth, const Odometries& found);
 
 }  // namespace ktgp_orb::demo

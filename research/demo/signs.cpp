@@ -25,8 +25,8 @@ constexpr int kWidth = 200;  // px
 constexpr int kHeight = 150;
 constexpr double kSignWidth = kWidth * kMetre;  // m
 
-/// A letter on shapes in many colours. The signs have nothing in common: where only a common part
-/// is in view, one could be taken for another.
+/// Draws a letter on shapes in many colours. The signs must have no part in common: if only this
+/// part is in view, one sign could be taken for another.
 cv::Mat drawSign(const std::string& letter, std::uint64_t seed) {
   Dice dice(seed);
   const auto colour = [&dice] {
@@ -53,7 +53,7 @@ cv::Mat drawSign(const std::string& letter, std::uint64_t seed) {
   return picture;
 }
 
-/// Below the camera `seconds` into the flight, `aside` px of the map to the right of it.
+/// The place below the camera `seconds` into the flight, `aside` px of the map to its right.
 Eigen::Matrix3d place(double seconds, double aside, double degrees) {
   const Eigen::Vector3d middle(0.5 * (kImageWidth - 1), 0.5 * (kImageHeight - 1), 1.0);
   const Eigen::Vector2d at = (imageFromMap(seconds).inverse() * middle).hnormalized();

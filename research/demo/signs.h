@@ -12,19 +12,19 @@ namespace ktgp_orb::demo {
 /// A flat target on the ground.
 struct Sign {
   std::string id;
-  cv::Mat picture;                      ///< 8-bit BGR; a pixel of it is one of the map
+  cv::Mat picture;                      ///< 8-bit BGR, in the resolution of the map
   std::vector<Eigen::Matrix3d> places;  ///< pixels of the picture -> pixels of the map
 };
 
 /// Three signs below the flight, one of them twice.
 std::vector<Sign> drawSigns();
 
-/// Paints every sign on its places.
+/// Paints every sign at its places.
 void paintOnto(const std::vector<Sign>& signs, cv::Mat& map);
 
 /// Writes the pictures and their list, targets.yaml, into a folder that exists. Throws FileError.
 void writeSigns(const std::vector<Sign>& signs, const std::string& folder, bool force);
-/// The names of these files.
+/// The names of the files that writeSigns() writes.
 std::vector<std::string> filesOf(const std::vector<Sign>& signs, const std::string& folder);
 
 /// The true corners, homographies and poses of all signs, in the image or not. The instance is the

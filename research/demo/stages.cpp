@@ -19,7 +19,7 @@ namespace {
 // Colours that all kinds of colour vision can distinguish (Okabe & Ito, 2008), BGR.
 const cv::Scalar kRight(233, 180, 86);
 const cv::Scalar kWrong(0, 60, 230);
-constexpr double kLimit = 3.0;  // px; the same as for the precision of doc/method.md
+constexpr double kLimit = 3.0;  // px; the limit of doc/method.md for precision
 
 cv::Mat greyOf(const cv::Mat& image) {
   if (image.channels() == 1) return image;

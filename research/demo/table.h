@@ -9,10 +9,10 @@
 
 namespace ktgp_orb::demo {
 
-/// Data of a frame beside its statistics.
+/// Data of a frame in addition to its statistics.
 struct FrameResult {
   std::string segment;
-  /// Mean error of the homography at the corners of the image, px; infinite where none was found.
+  /// Mean error of the homography at the corners of the image, px; infinite if none was found.
   double error = std::numeric_limits<double>::infinity();
   double reprojection_error = 0.0;  ///< RMS of the final matches against the true homography, px
 };
@@ -33,7 +33,7 @@ class ResultTable {
  private:
   struct Column {
     std::size_t frames = 0;
-    std::size_t found = 0;                // homographies
+    std::size_t found = 0;                // frames with a homography
     std::vector<double> counts[5];        // features, knn, tf, gms, prosac
     std::vector<double> milliseconds[6];  // extraction, knn, tf, gms, prosac, total
     std::vector<double> retention;

@@ -13,9 +13,9 @@ namespace ktgp_orb::evaluation {
 using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
                                         const std::optional<Eigen::Matrix3d>& truth)>;
 
-/// Reads the images (sensor_msgs/Image or CompressedImage) on `topic` in the order of the bag and
+/// Reads the images (sensor_msgs/Image or CompressedImage) on `topic` in the order of the bag, and
 /// the truth (ktgp_orb/HomographyStamped) on `truth_topic`. Returns the problems of a damaged bag,
-/// of which what can be read is used. Throws UnusableBag for a bag without an image there, and
+/// whose readable part is used. Throws UnusableBag if the bag has no image on `topic`, and
 /// FileError for an image that cannot be used.
 std::string readBag(const std::string& file, const std::string& topic,
                     const std::string& truth_topic, const FrameVisitor& visit);

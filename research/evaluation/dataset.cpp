@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 constexpr int kImagesPerSet = 6;
 constexpr std::array<const char*, 5> kImageEndings{".ppm", ".pgm", ".png", ".jpg", ".jpeg"};
 
-// Both are false also for an invalid name, for example one that is too long.
+// Both functions also return false for an invalid name, for example a name that is too long.
 bool isThere(const fs::path& path) {
   std::error_code none;
   return fs::exists(path, none);
@@ -89,7 +89,7 @@ void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
     const std::string reference = imageFile(folder, layout, i).string();
     for (int k = i + 1; k <= kImagesPerSet; ++k) {
       const fs::path homography = folder / layout.homography(i, k);
-      if (i > 1 && !isThere(homography)) continue;  // most sets have only those of image 1
+      if (i > 1 && !isThere(homography)) continue;  // most sets have only homographies of image 1
       const std::string target = imageFile(folder, layout, k).string();
       addPair({set, std::to_string(i) + "-" + std::to_string(k), reference, target, {}, {}, {}},
               homography.string(), dataset);
@@ -247,8 +247,8 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
   dataset.files.insert(dataset.files.end(), files.begin(), files.end());
   const auto n = static_cast<int>(files.size());
   for (int i = 0; i < count; ++i) {
-    // Every second warp is degraded. With an even number of pictures each round starts one further,
-    // so that each picture is used both ways.
+    // Every second warp is degraded. If the number of pictures is even, each round starts one
+    // picture further, so that each picture is used clean and degraded.
     const int picture = (i + (n % 2 == 0 ? i / n : 0)) % n;
     const std::string& file = files[static_cast<std::size_t>(picture)];
     const Warp warp = drawWarp(*limits, i, seed);

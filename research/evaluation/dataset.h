@@ -23,21 +23,21 @@ struct ImagePair {
   std::string reference;
   std::string target;
   Eigen::Matrix3d homography;  ///< reference to target, px
-  /// If present, the truth; `homography` is then fitted to the points.
+  /// If present, these points are the truth, and `homography` is fitted to them.
   std::vector<AnnotatedPoint> points{};
   /// If present, both images are rendered from the picture `reference`, which is also `target`.
   std::optional<Warp> warp{};
 };
 
-/// The usable pairs, and the problems of the others.
+/// The usable pairs, and the problems of the unusable pairs.
 struct Dataset {
   std::vector<ImagePair> pairs;
   std::vector<std::string> problems;  ///< one line each, beginning with the file's name
-  std::vector<std::string> files;     ///< all that are read
+  std::vector<std::string> files;     ///< all files that are read
 };
 
 /// Adds the pairs found at `path`:
-/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and others if they exist),
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and more if they exist),
 /// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
@@ -45,12 +45,12 @@ struct Dataset {
 /// - a text file with a line `name imageA imageB truth` per pair; the truth is a homography A->B,
 ///   or annotated points if its name ends in .points. Paths are relative to the file, without
 ///   blanks; # begins a comment.
-/// Image 1 is the reference. A missing or broken file becomes a problem; the others are used.
+/// Image 1 is the reference. A missing or broken file becomes a problem, and the rest is used.
 void addPairs(const std::string& path, Dataset& dataset);
 
-/// Adds `count` warps of the pictures at `paths` (images, or folders of images), using each picture
-/// in turn, as the set `name`: see warpLimits. Throws std::invalid_argument for another name. A
-/// missing path, or one without an image, becomes a problem.
+/// Adds `count` warps of the pictures at `paths` (images, or folders of images) as the set `name`,
+/// which warpLimits() must know. The pictures are used in turn. Throws std::invalid_argument for an
+/// unknown name. A missing path, or a path without an image, becomes a problem.
 void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
               std::uint64_t seed, Dataset& dataset);
 

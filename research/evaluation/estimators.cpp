@@ -13,7 +13,7 @@
 #include "ktgp_orb/metrics.h"
 #include "util/constants.h"
 
-// OpenCV 4.5.1's MAGSAC++ crashes on few or coincident points; 4.6's does not.
+// MAGSAC++ of OpenCV 4.5.1 crashes on few or coincident points; OpenCV 4.6 does not.
 #define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))
 
 namespace ktgp_orb::evaluation {
@@ -39,7 +39,7 @@ std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pa
   return errors;
 }
 
-/// The inliers of `h`: OpenCV's mask belongs to the model before its last refinement.
+/// Finds the inliers anew, as OpenCV's mask belongs to the model before its last refinement.
 ProsacResult conclude(const cv::Mat& h, const PointPairs& pairs, double threshold) {
   ProsacResult result;
   result.mask.assign(pairs.size(), 0);
@@ -55,15 +55,15 @@ ProsacResult conclude(const cv::Mat& h, const PointPairs& pairs, double threshol
   return result;
 }
 
-/// Cost of a model, smaller is better. MSAC: squared error, at most that of the threshold.
+/// MSAC cost of a model (smaller is better): squared errors, limited at the threshold.
 double msacCost(const std::vector<double>& squared_errors, double threshold) {
   double cost = 0.0;
   for (double e : squared_errors) cost += std::min(e, threshold * threshold);
   return cost;
 }
 
-/// MLESAC: -log likelihood of the errors under g N(0, sigma) + (1 - g) / area, with the share of
-/// inliers g found by expectation maximisation.
+/// MLESAC cost of a model: -log likelihood of the errors under g N(0, sigma) + (1 - g) / area.
+/// Expectation maximisation finds the share of inliers g.
 double mlesacCost(const std::vector<double>& squared_errors, double threshold, double area) {
   const double variance = threshold * threshold / 5.99;  // 95 % of a 2-D Gaussian is within
   std::vector<double> inlier(squared_errors.size());
@@ -91,14 +91,14 @@ std::array<std::size_t, kSampleSize> drawSample(std::size_t n, std::mt19937_64& 
   return sample;
 }
 
-/// Number of samples that include one of only inliers with the given confidence.
+/// Number of samples after which one sample has only inliers, with the given confidence.
 double samplesNeeded(double inlier_share, double confidence) {
   const double all_inliers = std::pow(inlier_share, kSampleSize);
   if (all_inliers >= 1.0) return 0.0;
   return std::log(1.0 - confidence) / std::log1p(-all_inliers);
 }
 
-/// Least squares over the inliers, which then change: a few rounds.
+/// Fits the model to its inliers by least squares, in a few rounds because the inliers then change.
 ProsacResult fitAgain(ProsacResult model, const std::vector<cv::Point2f>& reference,
                       const std::vector<cv::Point2f>& target, const PointPairs& pairs,
                       double threshold) {

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::evaluation {
 
-/// Names of the estimators of this build, of the homography that most pairs agree with:
+/// Names of the homography estimators of this build:
 ///   ransac   Fischler & Bolles 1981, OpenCV's
 ///   msac     Torr & Zisserman 2000: truncated squared error instead of a count
 ///   mlesac   Torr & Zisserman 2000: likelihood of a Gaussian and a uniform mixture
@@ -17,8 +17,8 @@ namespace ktgp_orb::evaluation {
 ///   magsac   Barath et al. 2020 (MAGSAC++), OpenCV's USAC_MAGSAC; needs OpenCV 4.6
 std::vector<std::string> estimators();
 
-/// `estimator`: one of estimators(). `options` has threshold, budget, confidence and seed for all
-/// of them. The covariance is NaN where the estimator does not know it.
+/// `estimator`: one of estimators(). `options` gives the threshold, budget, confidence and seed.
+/// The covariance is NaN if the estimator does not give one.
 ProsacResult estimateHomography(const std::string& estimator, const PointPairs& pairs,
                                 const cv::Size& reference_size, const ProsacOptions& options);
 

@@ -17,8 +17,8 @@ int neighbour(const cv::Size& grid, int cell, const cv::Point& offset) {
   return at.inside({{0, 0}, grid}) ? at.y * grid.width + at.x : kNoCell;
 }
 
-/// The cell of a keypoint in a grid shifted by `shift` half cells; the first column and row of a
-/// shifted grid are not used.
+/// The cell of a keypoint in a grid shifted by `shift` half cells. Such a grid does not use its
+/// first column and row.
 int cellOf(const cv::Size& grid, const Features& features, std::int32_t index,
            const cv::Point& shift) {
   const cv::Point2f& p = util::imagePoint(features, index);
@@ -44,7 +44,7 @@ class CellCounts {
     ++target_[static_cast<std::size_t>(target)];
   }
 
-  /// The reference cell with most matches of the target cell; the first one for equal numbers.
+  /// The reference cell with the most matches of the target cell; of equal cells, the first.
   int best(int target) const {
     const auto row = pair_.begin() + static_cast<std::ptrdiff_t>(at(target, 0));
     const auto best = std::max_element(row, row + grid_.area());

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::evaluation {
 
-/// Cells around a cell, including it, as (column, row) offsets.
+/// A cell and the cells around it, as (column, row) offsets.
 using Neighbourhood = std::vector<cv::Point>;
 
 /// All cells at most `radius` away: 3x3 for 1, 5x5 for 2.
@@ -18,8 +18,8 @@ Neighbourhood square(int radius);
 /// The cell and its four edge neighbours.
 Neighbourhood cross();
 
-/// GMS without rotation and scale, with the neighbourhood as a parameter; with 3x3 cells it keeps
-/// the same matches as GmsFilter. Removes all others from `matches`.
+/// GMS without rotation and scale, for any neighbourhood. With 3x3 cells it keeps the same matches
+/// as GmsFilter. Removes all other entries of `matches`.
 void filterByGridStatistics(const Features& reference, const Features& target,
                             const Neighbourhood& neighbourhood, const GmsOptions& options,
                             std::vector<Correspondence>& matches);

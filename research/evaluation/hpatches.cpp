@@ -13,8 +13,8 @@ constexpr std::array<const char*, 8> kLarge{"i_contruction", "i_crownnight",    
                                             "i_pencils",     "i_whitebuilding", "v_artisans",
                                             "v_astronautis", "v_talent"};
 
-/// AUC at 1, 3 and 5 px in %: README of https://github.com/cvg/glue-factory: 1024 keypoints, the
-/// estimator's threshold chosen for the best result.
+/// AUC at 1, 3 and 5 px in %, from the README of https://github.com/cvg/glue-factory: 1024
+/// keypoints, and for each estimator the threshold with the best result.
 constexpr std::array<std::pair<const char*, std::array<double, 3>>, 4> kPublished{
     {{"SuperPoint + SuperGlue, OpenCV", {32.9, 55.7, 68.0}},
      {"SuperPoint + SuperGlue, PoseLib", {37.0, 68.2, 78.7}},

@@ -17,13 +17,13 @@ constexpr int kShortestSide = 480;  ///< px
 /// Removes the pairs of the eight sequences with large images, which these papers leave out.
 void leaveOutLarge(Dataset& dataset);
 
-/// The rows of the table: the presets, and classical features.
+/// The methods of the table: the presets, and classical features.
 std::vector<std::string> methodNames();
 
 /// The peer SIFT with PROSAC instead of MAGSAC++, as "SIFT+PROSAC".
 Method siftWithOurEstimator(const PipelineOptions& options);
 
-/// The measured AUC over all pairs, then published ones, marked as quoted.
+/// The measured AUC over all pairs, then published values, which are marked as quoted.
 std::string toTable(const std::vector<SetSummary>& summaries);
 
 }  // namespace ktgp_orb::evaluation::hpatches

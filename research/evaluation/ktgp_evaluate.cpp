@@ -71,7 +71,7 @@ struct Arguments {
   PipelineOptions pipeline;
 };
 
-/// Ours and OpenCV's.
+/// Our methods and OpenCV's.
 std::vector<Method> knownMethods(const Arguments& arguments) {
   const PipelineOptions& options = arguments.pipeline;
   std::vector<Method> methods = allMethods(options, arguments.estimator);
@@ -213,7 +213,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
-  app.add_option("--bag", arguments.bag)->group("");  // hidden; has a program of its own
+  app.add_option("--bag", arguments.bag)->group("");  // hidden; recordings have their own program
   tools::addCommonOptions(app, arguments.force);
   tools::addPipelineOptions(app, arguments.pipeline);
 }
@@ -222,7 +222,7 @@ Dataset findPairs(const Arguments& arguments) {
   Dataset dataset;
   std::istringstream names(arguments.warps);
   for (std::string name; std::getline(names, name, ',');) {
-    dataset.problems.clear();  // the same images, so the same problems again
+    dataset.problems.clear();  // all kinds use the same images and have the same problems
     addWarps(name, arguments.data, arguments.warp_pairs, arguments.warp_seed, dataset);
   }
   if (!arguments.warps.empty()) return dataset;
@@ -236,7 +236,7 @@ std::string tableOf(const Arguments& arguments, const std::vector<PairScore>& sc
   return arguments.hpatches ? hpatches::toTable(summaries) : toTable(summaries);
 }
 
-/// `read`: files that DATA leads to.
+/// `read`: the files that DATA refers to.
 void checkFiles(files::OutputPlan& plan, const std::vector<std::string>& read,
                 const Arguments& arguments) {
   for (const std::string& file : read) plan.read(file);

@@ -1,5 +1,5 @@
-// ktgp_evaluate_targets FOLDER: how many flat targets are found in labelled photographs and videos.
-// Run by scripts/evaluate --targets.
+// ktgp_evaluate_targets FOLDER: counts the flat targets that are found in labelled photographs and
+// videos. scripts/evaluate --targets runs this program.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <opencv2/core/utility.hpp>

@@ -14,7 +14,7 @@ namespace {
 
 using util::position;
 
-/// Calls the predicate once per match, in order.
+/// Removes matches; calls the predicate once per match, in order.
 template <typename Predicate>
 void removeIf(Predicate predicate, std::vector<Correspondence>& matches) {
   matches.erase(std::remove_if(matches.begin(), matches.end(), predicate), matches.end());
@@ -100,7 +100,7 @@ Step cosineSimilarity(double threshold) {
             const auto differs = [&](const Correspondence& c) {
               const double a = cv::norm(referenceDescriptor(scene, c), cv::NORM_HAMMING);
               const double b = cv::norm(targetDescriptor(scene, c), cv::NORM_HAMMING);
-              const double common = 0.5 * (a + b - c.distance);  // ones that both have
+              const double common = 0.5 * (a + b - c.distance);  // number of ones that both have
               return common < threshold * std::sqrt(a * b);
             };
             removeIf(differs, m.matches);

@@ -15,7 +15,6 @@
 
 namespace ktgp_orb::evaluation {
 
-/// The input of a method.
 struct Scene {
   const cv::Mat& reference_image;  ///< 8-bit grey
   const cv::Mat& target_image;     ///< 8-bit grey
@@ -29,68 +28,66 @@ struct OwnFeatures {
   Features target;
 };
 
-/// The state of a method. Every step removes matches from `matches` that do not pass it.
+/// The state of a method. Every step removes the matches that do not pass it.
 struct Matching {
   std::vector<Correspondence> matches;
   std::vector<Correspondence> candidates{};  ///< input of the estimation of the homography
-  /// The method's own features, which `matches` refer to, if it does not use the scene's.
+  /// The method's own features, to which `matches` refer; empty if it uses the scene's features.
   std::optional<OwnFeatures> own{};
   ReferenceViews views{};                       ///< simulated views of the reference
   bool estimated = false;                       ///< a step has searched for a homography
-  std::optional<UncertainHomography> answer{};  ///< if found; covariance NaN: not known
+  std::optional<UncertainHomography> answer{};  ///< if found; its covariance is NaN if not known
 };
 
-/// One stage of a method. May keep buffers; used by one thread.
+/// One stage of a method. It may keep buffers, and belongs to one thread.
 struct Step {
   std::string name;
   std::function<void(const Scene&, Matching&)> run;
 };
 
-// Hamming space.
-/// For every target descriptor the nearest of the reference (KNN with k = 2).
+// Steps in Hamming space.
+/// Finds the nearest reference descriptor of every target descriptor (KNN with k = 2).
 Step nearest(const KnnOptions& options);
-/// The same, but only mutual nearest pairs; both directions in one pass.
+/// Finds only mutual nearest pairs, in both directions in one pass.
 Step mutualNearest(const KnnOptions& options);
-/// TF: d1/d2 below `threshold`.
+/// TF: keeps matches with d1/d2 below `threshold`.
 Step ratio(double threshold);
-/// d1 at most twice the smallest d1 of the pair; d1 up to `floor` always passes.
+/// Keeps matches with d1 of at most twice the smallest d1 of the image pair, or at most `floor`.
 Step distanceThreshold(int floor);
-/// Cross-check: the target descriptor is also the nearest of its reference descriptor.
+/// Cross-check: the target descriptor must be the nearest of its reference descriptor, too.
 Step bidirectional(const KnnOptions& options);
 
-// Descriptors as vectors in Euclidean space.
-/// Cosine of the angle between the descriptors as vectors of 256 zeros and ones, at least
-/// `threshold`.
+// Steps on descriptors as vectors in Euclidean space.
+/// Keeps matches if the cosine of the angle between the descriptors, as vectors of 256 zeros and
+/// ones, is at least `threshold`.
 Step cosineSimilarity(double threshold);
-/// Norms of the descriptors as vectors of 32 bytes, which differ by at most `tolerance` times the
-/// larger.
+/// Keeps matches if the norms of the descriptors, as vectors of 32 bytes, differ by at most
+/// `tolerance` times the larger norm.
 Step similarNorm(double tolerance);
-/// Euclidean distance of the descriptors as vectors of 32 bytes, at most mean + standard deviation.
+/// Keeps matches if the Euclidean distance of the descriptors, as vectors of 32 bytes, is at most
+/// mean + standard deviation.
 Step euclideanDistance();
 
-// Images.
-/// Mean grey value around the keypoints, in standard deviations from its image's mean; they differ
-/// by at most `tolerance`.
+/// Keeps matches if the mean grey values around both keypoints, in standard deviations from the
+/// mean of their image, differ by at most `tolerance`.
 Step greyLevel(double tolerance);
 
-// Geometry.
 Step gms(const GmsOptions& options);
 Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 /// Keeps the inliers of the homography. `estimator`: see estimators().
 Step homography(const std::string& estimator, const ProsacOptions& options);
-/// Aligns matches by the images and corrects the homography. Keeps the matches used for it that
-/// agree with the corrected homography; changes nothing if the alignment fails.
+/// Aligns matches by the images and corrects the homography. Keeps the aligned matches that agree
+/// with the corrected homography. Changes nothing if the alignment fails.
 Step align(const MatcherOptions& options);
 
-// Whole methods.
 /// Options that keep the images, which the alignment needs; keeping them takes no time.
 OrbOptions withImages(OrbOptions options);
-/// The method's own features.
+/// Extracts features of the method's own.
 Step extract(const OrbOptions& options);
-/// KtgpMatcher from end to end: its homography and final matches. With growth, uses the simulated
-/// views of the reference from an earlier step.
+/// Runs KtgpMatcher from end to end and takes its homography and final matches. Growth uses the
+/// simulated views of the reference from an earlier step.
 Step matcher(const MatcherOptions& options);
-/// Simulated views of the reference for the growth, extracted with the options `orb`.
+/// Simulates views of the reference for the growth. `orb`: options for their features.
 Step simulate(const OrbOptions& orb, int views);
 
 }  // namespace ktgp_orb::evaluation

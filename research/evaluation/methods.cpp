@@ -7,7 +7,7 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
-/// The preset with the threads, budget, seed and alignment of `options`.
+/// The preset `robust` with the threads, budget, seed and alignment of `options`.
 MatcherOptions robust(const MatcherOptions& options) {
   MatcherOptions preset = MatcherOptions::robust();
   preset.knn = options.knn;
@@ -23,8 +23,8 @@ OrbOptions withTeblid(OrbOptions options) {
   return options;
 }
 
-/// Finds most hard pairs (doc/tuning.md): more and weaker corners, descriptors that tolerate
-/// changes of light, growth.
+/// Together with growth, these options find the most hard pairs (doc/tuning.md): more and weaker
+/// corners, and descriptors that tolerate changes of light.
 OrbOptions forHardPairs(OrbOptions options) {
   options.descriptor = DescriptorKind::teblid;
   options.max_features = 3000;

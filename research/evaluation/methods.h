@@ -8,7 +8,6 @@
 
 namespace ktgp_orb::evaluation {
 
-/// A named sequence of steps.
 struct Method {
   std::string name;
   std::string description;
@@ -18,17 +17,16 @@ struct Method {
 
 /// All methods with our features and the thresholds of `options`. If `estimator` is not empty,
 /// every method that estimates a homography uses it, except the presets, which are the unchanged
-/// matcher. doc/method.md describes our choices where the literature is incomplete.
+/// matcher. doc/method.md describes our choices for gaps in the literature.
 std::vector<Method> allMethods(const PipelineOptions& options, const std::string& estimator = "");
 
 /// Time and result of one step.
 struct StepResult {
   std::string name;
-  std::size_t matches = 0;  ///< matches left after it
+  std::size_t matches = 0;  ///< matches left after the step
   double milliseconds = 0.0;
 };
 
-/// Runs the method's steps one after the other.
 Matching runMethod(const Method& method, const Scene& scene, std::vector<StepResult>& steps);
 
 }  // namespace ktgp_orb::evaluation

@@ -30,7 +30,7 @@ metrics::ErrorSummary averageOf(const std::vector<const MethodScore*>& scores,
   return {average.count, average.mean / n, average.rms / n};
 }
 
-/// Empty if no pair has a corner error: the method estimates no homography.
+/// Empty if no pair has a corner error, because the method estimates no homography.
 std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
   std::vector<double> errors;
   std::vector<double> correlations;
@@ -98,7 +98,7 @@ SetSummary summarizeMethod(const std::string& set, std::size_t method,
   return s;
 }
 
-/// "1px" for the keys of JSON and CSV.
+/// The threshold as text, e.g. "1px", for the keys of JSON and CSV.
 std::string px(double threshold) {
   std::ostringstream out;
   out << threshold << "px";
@@ -169,7 +169,7 @@ constexpr std::array<const char*, 34> kColumns{"set",
                                                "steps_ms",
                                                "problem"};
 
-/// "knn=38.20;ratio=0.02", for one field of a CSV row.
+/// Text such as "knn=38.20;ratio=0.02", for one field of a CSV row.
 template <typename Value>
 std::string joined(const std::vector<StepResult>& steps, Value value) {
   std::ostringstream out;
@@ -252,7 +252,7 @@ json toJson(const SetSummary& s) {
   return out;
 }
 
-/// Nothing for null and infinity.
+/// Adds an empty field for null and infinity.
 void add(const json& value, files::CsvRow& row) {
   const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
   row.add(value.is_string() || text != "null" ? text : "");

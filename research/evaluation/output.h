@@ -12,11 +12,11 @@ namespace ktgp_orb::evaluation {
 struct AccuracySummary {
   /// Area under the curve of the corner error up to each of kAucThresholds.
   std::array<double, kAucThresholds.size()> auc{};
-  double median_corner_error = 0.0;  ///< px; infinite where half of the pairs have no homography
+  double median_corner_error = 0.0;  ///< px; infinite if half of the pairs have no homography
   double found = 0.0;                ///< share of pairs with a homography that the method accepts
-  double wrong = 0.0;                ///< share of those found with an error above kWrongBeyond
-  std::optional<double> zncc;        ///< mean over the pairs found; needs no ground truth
-  // Over the pairs found with a covariance; see CornerConsistency.
+  double wrong = 0.0;          ///< share of the found homographies with an error above kWrongBeyond
+  std::optional<double> zncc;  ///< mean over the pairs with a homography; needs no ground truth
+  // Over the pairs whose homography has a covariance; see CornerConsistency.
   std::optional<double> consistency_ratio;   ///< median of the true over the predicted corner error
   std::optional<double> consistency_median;  ///< median of e' S^-1 e at the corners
   std::optional<double> consistent;          ///< share of corners below kConsistentBelow
@@ -52,7 +52,7 @@ nlohmann::json toJson(const std::vector<PairScore>& scores);
 /// One row per pair and method.
 std::string toCsv(const std::vector<PairScore>& scores);
 
-/// For the terminal.
+/// A table for the terminal.
 std::string toTable(const std::vector<SetSummary>& summaries);
 
 }  // namespace ktgp_orb::evaluation

@@ -12,7 +12,7 @@ std::optional<double> overlapCorrelation(const cv::Mat& reference, const cv::Mat
   constexpr double kLeastShare = 0.01;
   cv::Mat values;
   target.convertTo(values, CV_32F);
-  // H is known up to its sign; the middle of the reference has a positive third coordinate.
+  // Chooses the sign of H so that the middle of the reference has a positive third coordinate.
   const Eigen::Vector3d middle(0.5 * (reference.cols - 1), 0.5 * (reference.rows - 1), 1.0);
   const Eigen::Matrix3d h = (homography.row(2).dot(middle) < 0.0 ? -1.0 : 1.0) * homography;
   std::vector<double> ours;

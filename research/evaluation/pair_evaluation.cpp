@@ -17,7 +17,6 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
-/// The median of each step's times.
 std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& runs) {
   std::vector<StepResult> steps = runs.front();
   for (std::size_t i = 0; i < steps.size(); ++i) {
@@ -67,7 +66,7 @@ Eigen::Matrix3d resize(const EvaluatedSize& size, cv::Mat& image) {
   return m;
 }
 
-/// The pair after resizing both images.
+/// Adapts the truth of the pair to resized images. The matrices map original px -> new px.
 void resize(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, ImagePair& pair) {
   pair.homography = target * pair.homography * reference.inverse();
   for (AnnotatedPoint& p : pair.points) {
@@ -190,7 +189,7 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
   } catch (const std::exception& error) {
     const auto* of_opencv = dynamic_cast<const cv::Exception*>(&error);
     score.problem = of_opencv != nullptr ? "OpenCV: " + of_opencv->err : error.what();
-    score.corner_error = std::numeric_limits<double>::infinity();  // as without a homography
+    score.corner_error = std::numeric_limits<double>::infinity();  // counts as no homography
     return score;
   }
   scoreMatches(found, scene, truth, score);

@@ -17,7 +17,7 @@ constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
 /// A homography with a larger corner error is wrong, px.
 constexpr double kWrongBeyond = 20.0;
 
-/// The error e at an image corner and its covariance S, from that of the homography.
+/// The error e at the image corners, and its covariance S by the covariance of the homography.
 struct CornerConsistency {
   double predicted = 0.0;              ///< root mean trace of S over the corners, px
   double ratio = 0.0;                  ///< root mean square of e over `predicted`
@@ -32,23 +32,23 @@ struct MethodScore {
   std::string problem{};       ///< why the method could not work on the pair; empty if it could
   std::size_t matches = 0;     ///< NM
   double retention = 0.0;      ///< matches over target keypoints; the paper's Q for the method KT
-  double matched_share = 0.0;  ///< REP as Eq. 9 has it
+  double matched_share = 0.0;  ///< REP by Eq. 9 of the paper
   metrics::ErrorSummary descriptor_distance;
   metrics::ErrorSummary displacement;        ///< px
   metrics::ErrorSummary reprojection_error;  ///< px, against the truth
   std::array<double, kPrecisionThresholds.size()> precision{};
   std::size_t correct = 0;  ///< matches within metrics::kCorrectWithin
-  /// Mean over the corners, or over the annotated points, px; infinite if the method found no
+  /// Mean error over the corners, or over the annotated points, px. Infinite if the method found no
   /// homography; empty if it estimates none.
   std::optional<double> corner_error;
-  bool found = false;  ///< a homography that the method accepts
-  /// Whether its errors at annotated points are within the 99.9 % bound of its covariance; empty
-  /// without such points or without a covariance.
+  bool found = false;  ///< the method accepts a homography
+  /// Whether the errors of the homography at annotated points are within the 99.9 % bound of its
+  /// covariance. Empty without annotated points or without a covariance.
   std::optional<bool> within_covariance;
   /// Comparison of the homography's error at the four corners with its covariance; empty without a
   /// covariance, or if the truth is annotated points.
   std::optional<CornerConsistency> consistency;
-  /// Correlation of the images where the homography overlaps them; see overlapCorrelation.
+  /// Correlation of the images in the part that the homography overlaps; see overlapCorrelation.
   std::optional<double> zncc;
   std::vector<StepResult> steps;
   double milliseconds = 0.0;        ///< all steps, without the features of the scene
@@ -66,18 +66,18 @@ struct PairScore {
   std::vector<MethodScore> methods;
 };
 
-/// The size that images are evaluated at, px; 0: their own. Only one of the two is set.
+/// The size at which images are evaluated, px; 0: their own size. Only one member is set.
 struct EvaluatedSize {
-  int longest_side = 0;   ///< larger images are reduced to it
-  int shortest_side = 0;  ///< all images get it
+  int longest_side = 0;   ///< larger images are reduced to this size
+  int shortest_side = 0;  ///< all images get this size
 };
 
 /// Evaluates pairs one after the other, reusing its buffers; used by one thread.
 class PairEvaluator {
  public:
   /// Each method is run `repetitions` times; the result has the median of each step's time.
-  /// `truth_deviation`: standard deviation of the true homographies at the corners, px; added to
-  /// the covariances that are compared with them.
+  /// `truth_deviation`: standard deviation of the true homographies at the corners, px. It is added
+  /// to the covariances that are compared with the truth.
   PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
                 const EvaluatedSize& size = {}, double truth_deviation = 0.0);
 

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-// In features2d since 4.4; before, in a module that distributions do not ship.
+// SIFT is in features2d since OpenCV 4.4; before, distributions did not ship its module.
 #define KTGP_ORB_HAVE_SIFT (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 3))
 
 namespace ktgp_orb::evaluation {
@@ -29,8 +29,8 @@ Step detect(const Detector& detector) {
           }};
 }
 
-/// The nearest reference descriptor of every target descriptor, if it is nearer than `threshold`
-/// times the second (Lowe 2004).
+/// Matches every target descriptor to the nearest reference descriptor, if its distance is below
+/// `threshold` times the second distance (Lowe 2004).
 Step nearestByRatio(int norm, double threshold) {
   return {"match", [norm, threshold](const Scene&, Matching& m) {
             const Features& reference = m.own->reference;
@@ -50,7 +50,7 @@ Step nearestByRatio(int norm, double threshold) {
 
 constexpr int kCorners = 500;
 
-/// Corners of the reference (Shi & Tomasi 1994).
+/// Detects corners of the reference (Shi & Tomasi 1994).
 Step corners() {
   return {"corners", [](const Scene& scene, Matching& m) {
             constexpr double kQuality = 0.01;  // share of the best corner's quality
@@ -81,8 +81,8 @@ Step opticalFlow() {
           }};
 }
 
-/// The homography that maximises the correlation of the images, from the identity (Evangelidis &
-/// Psarakis 2008). No matches.
+/// Finds the homography that maximises the correlation of the images, starting from the identity
+/// (Evangelidis & Psarakis 2008). There are no matches.
 Step ecc() {
   return {"ecc", [](const Scene& scene, Matching& m) {
             const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
@@ -103,7 +103,8 @@ Step ecc() {
           }};
 }
 
-/// The steps, then the estimator; or the reason why this OpenCV cannot run them.
+/// A method that runs the steps, then the estimator. If this OpenCV cannot run it, the method has
+/// the reason.
 Method peer(const std::string& name, const std::string& description, std::vector<Step> steps,
             const std::string& estimator, const ProsacOptions& options) {
   if (steps.empty()) return {name, description, {}, "it needs 4.4"};

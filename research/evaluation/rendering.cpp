@@ -7,8 +7,8 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
-/// Samples along each side of a pixel of the view: enough to hit every pixel of the source where
-/// the view shrinks it most, judged on a grid of points of the view.
+/// Number of samples along each side of a pixel of the view. They hit every pixel of the source at
+/// the strongest reduction on a grid of points of the view, up to 16 times.
 int samplesPerSide(const cv::Size& source, const Eigen::Matrix3d& source_from_view,
                    const cv::Size& view) {
   constexpr int kGrid = 8;

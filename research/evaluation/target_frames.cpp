@@ -28,7 +28,7 @@ using nlohmann::json;
 using util::format;
 using Points = std::vector<Eigen::Vector2d>;
 
-/// The labels of a target in one source. No points: the target is not in that frame.
+/// The labels of a target in one source. A frame without points does not show the target.
 struct Label {
   std::size_t row = 0;
   std::string id;
@@ -36,7 +36,6 @@ struct Label {
   std::map<std::size_t, Points> in_frame;  // by the number of the frame; a photograph has frame 0
 };
 
-/// The labels of one photograph or video.
 struct Source {
   std::string name;
   bool is_video = false;
@@ -54,8 +53,8 @@ std::string idOf(const std::string& file) {
   return fs::path(file).stem().string();
 }
 
-/// Sets the two files of "TARGET IMAGE". Where their names have blanks, both must exist. Throws
-/// std::invalid_argument.
+/// Splits "TARGET IMAGE" into its two files. If their names have blanks, both files must exist.
+/// Throws std::invalid_argument.
 void setNames(const std::string& folder, const std::string& key, LabelledTarget& row) {
   const bool is_clear = std::count(key.begin(), key.end(), ' ') == 1;
   std::size_t ways = 0;
@@ -108,7 +107,7 @@ Label labelOf(const json& entry) {
   return label;
 }
 
-/// The finder knows a target by its id. Throws std::invalid_argument.
+/// Throws std::invalid_argument if two targets have the same id, by which the finder knows them.
 void requireOwnId(const LabelledTarget& row, const std::vector<LabelledTarget>& others) {
   for (const LabelledTarget& other : others) {
     if (other.target == row.target || idOf(other.target) != idOf(row.target)) continue;
@@ -154,7 +153,8 @@ std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searc
   return sources;
 }
 
-/// Mean distance of the labelled points, px. Any answer is wrong where the target is not.
+/// Mean distance from the labelled points, px. Infinite if the target is not in the frame, because
+/// any answer is then wrong.
 double errorOf(const Eigen::Matrix3d& homography, const Points& on_target, const Points& in_frame) {
   if (in_frame.empty()) return std::numeric_limits<double>::infinity();
   double sum = 0.0;
@@ -164,7 +164,7 @@ double errorOf(const Eigen::Matrix3d& homography, const Points& on_target, const
   return sum / static_cast<double>(on_target.size());
 }
 
-/// The matcher with nothing set but the mode and its reference.
+/// A matcher in fixed mode with this reference. All other parameters have their defaults.
 SequenceMatcher withReference(const cv::Mat& image) {
   Parameters parameters;
   parameters.reference_mode = "fixed";
@@ -200,7 +200,7 @@ class Searcher {
     }
   }
 
-  /// Each labelled frame by itself, at all sizes.
+  /// Searches each labelled frame by itself, at all sizes.
   void searchAlone(const Source& source, std::size_t number, const cv::Mat& frame) {
     for (std::size_t s = 0; s < kLabelledSizes.size(); ++s) {
       const bool is_labelled =
@@ -229,7 +229,7 @@ class Searcher {
     }
   }
 
-  /// Each frame, by the matcher in fixed mode.
+  /// Searches each frame by the matcher in fixed mode.
   void matchToReference(const Source& source, std::size_t number, const cv::Mat& frame) {
     for (const Label& label : source.labels) {
       const MatchResult& found =
@@ -242,7 +242,7 @@ class Searcher {
     }
   }
 
-  /// From the first frame of a video to the last one.
+  /// Searches a video from its first frame to its last.
   void follow(const Source& source, std::size_t number, const cv::Mat& frame) {
     if (number == 0) {
       finder_.restart();
@@ -284,7 +284,7 @@ class Searcher {
       if (found.id != label.id || found.status != Status::ok) continue;
       const double error = errorOf(found.homography.homography, label.on_target, in_frame);
       least = std::min(least, error);
-      // Where there are several of it, only one is labelled.
+      // If there are several instances, only one is labelled.
       const bool counts = found.instance == 0 || in_frame.empty();
       if (counts && error > kWrongTargetBeyond) ++searched_.rows[label.row].wrong;
     }
@@ -299,7 +299,7 @@ class Searcher {
   }
 
   TargetFinder finder_;
-  std::vector<SequenceMatcher> matchers_;  // for each row
+  std::vector<SequenceMatcher> matchers_;  // one per row
   LabelledTargets& searched_;
   std::vector<std::size_t> gaps_;  // frames since the last answer, for each label of the video
   std::array<std::vector<double>, kLabelledSizes.size()> times_;
@@ -310,7 +310,7 @@ std::string shareOf(std::size_t part, std::size_t all) {
   return format("%.3f", static_cast<double>(part) / static_cast<double>(all));
 }
 
-/// They would count as not found.
+/// Drops labels beyond the last frame, which would count as not found.
 void dropLabelsBeyond(const Source& source, std::size_t frames, LabelledTargets& searched) {
   for (const Label& label : source.labels) {
     LabelledTarget& row = searched.rows[label.row];

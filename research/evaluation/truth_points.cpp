@@ -17,7 +17,7 @@ namespace ktgp_orb::evaluation {
 
 namespace {
 
-/// The row's four numbers; false where there are fewer, more, or something else.
+/// Reads the four numbers of a row. False if there are fewer or more, or something else.
 bool readRow(const std::string& line, AnnotatedPoint& p) {
   std::istringstream row(line);
   row >> p.reference.x() >> p.reference.y() >> p.target.x() >> p.target.y();

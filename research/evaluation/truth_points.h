@@ -13,16 +13,16 @@ namespace ktgp_orb::evaluation {
 /// are at least four rows of four finite numbers.
 std::vector<AnnotatedPoint> readPoints(const std::string& file);
 
-/// The homography, reference to target, nearest to them. Throws std::invalid_argument if they do
-/// not determine one.
+/// The homography (reference to target) that is nearest to the points. Throws std::invalid_argument
+/// if the points determine none.
 Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points);
 
 /// Mean distance in px of H x_reference from x_target; infinite if H maps a point to infinity.
 double meanTransferError(const Eigen::Matrix3d& homography,
                          const std::vector<AnnotatedPoint>& points);
 
-/// Whether the errors of a homography fit its covariance: the largest of all points is within the
-/// 99.9 % bound for this number of points. `sigma`: accuracy of the points, px.
+/// Whether the errors of a homography fit its covariance: the largest error of all points is within
+/// the 99.9 % bound for this number of points. `sigma`: accuracy of the points, px.
 bool isWithinCovariance(const UncertainHomography& estimate,
                         const std::vector<AnnotatedPoint>& points, double sigma);
 

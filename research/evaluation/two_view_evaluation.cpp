@@ -80,8 +80,8 @@ double degrees(double radians) {
   return radians * 180.0 / CV_PI;
 }
 
-/// Larger of the two errors, degrees; the sign of the translation counts. Where the camera only
-/// turned, the error of the rotation.
+/// The larger error of rotation and direction, degrees; the sign of the translation counts. If the
+/// camera only turned, the error of the rotation.
 double poseError(const PosePair& truth, const RelativePose& found) {
   const double turn = Eigen::AngleAxisd(found.rotation * truth.rotation.transpose()).angle();
   if (truth.translation.isZero(0.0)) return degrees(std::abs(turn));
@@ -89,8 +89,8 @@ double poseError(const PosePair& truth, const RelativePose& found) {
   return degrees(std::max(std::abs(turn), std::acos(std::clamp(cosine, -1.0, 1.0))));
 }
 
-/// Squared error of the motion over its covariance: of the five parameters, or of the three of the
-/// rotation where the camera only turned.
+/// Squared error of the motion, normalised by its covariance. It has five parameters, or the three
+/// of the rotation if the camera only turned.
 double normalisedError(const PosePair& truth, const RelativePose& found,
                        const Covariance6& covariance) {
   using Six = Eigen::Matrix<double, 6, 1>;
@@ -109,7 +109,7 @@ double normalisedError(const PosePair& truth, const RelativePose& found,
   return sum;
 }
 
-/// Matches of a method, and which of them are its final ones.
+/// Matches of a method, and whether each match is final.
 struct Candidates {
   std::vector<Eigen::Vector2d> reference;
   std::vector<Eigen::Vector2d> target;
@@ -138,8 +138,8 @@ void scoreMatches(const PosePair& pair, const Candidates& candidates, PoseScore&
                         : 0.0;
 }
 
-/// OpenCV's best estimator of an essential matrix; pixels of the target are those of the
-/// reference's camera.
+/// Uses OpenCV's best estimator of an essential matrix. It takes a single camera, so points of the
+/// target are converted to pixels of the reference's camera.
 void estimateByOpenCv(const PosePair& pair, Candidates& candidates, PoseScore& score) {
   constexpr double kConfidence = 0.999;
   constexpr double kThreshold = 1.0;  // px
@@ -181,7 +181,7 @@ void estimateByOpenCv(const PosePair& pair, Candidates& candidates, PoseScore& s
   }
 }
 
-/// Nearest by ratio (`threshold` below 1) or mutual ones (1).
+/// Matches by the ratio test (`threshold` below 1), or mutual nearest neighbours (1).
 Candidates matchByOpenCv(const std::vector<cv::KeyPoint>& reference, const cv::Mat& of_reference,
                          const std::vector<cv::KeyPoint>& target, const cv::Mat& of_target,
                          int norm, double threshold) {
@@ -251,7 +251,7 @@ Run ours(const MatcherOptions& options) {
   };
 }
 
-/// Matches of the level `least` of our chain, and OpenCV's estimator.
+/// Runs OpenCV's estimator on the matches of our chain that reach the level `least`.
 Run chainAndMagsac(const MatcherOptions& options, Level least) {
   auto matcher = std::make_shared<KtgpMatcher>(options);
   auto result = std::make_shared<MatchResult>();
@@ -267,7 +267,7 @@ Run chainAndMagsac(const MatcherOptions& options, Level least) {
   };
 }
 
-/// `shift`: px that the detector's points lie too far right and down.
+/// `shift`: how far the detector's points lie too far right and down, px.
 Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double threshold,
            float shift = 0.F) {
   const cv::Ptr<cv::Feature2D> detector = make();
@@ -297,7 +297,7 @@ std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> 
   return {
     {"SLAM",
      [](const PipelineOptions& options) {
-       // Other parameters than those of the preset only where they choose such a geometry.
+       // Given parameters replace the preset only if they choose a two-view geometry.
        const bool chosen = options.matcher.geometry != GeometryModel::homography;
        return ours(chosen ? options.matcher : MatcherOptions::slam());
      }},
@@ -366,7 +366,7 @@ std::string row(const std::string& set, const std::string& method,
   return out + format("  %7.1f %7.1f\n", metrics::median(times), metrics::median(estimations));
 }
 
-/// The pairs whose motion is wrong although its covariance excludes the truth, one in a line.
+/// One line for each pair whose motion is wrong while its covariance excludes the truth.
 std::string wrongAndCertain(const std::vector<PosePair>& pairs,
                             const std::vector<std::vector<PoseScore>>& scores,
                             const std::vector<std::string>& methods) {

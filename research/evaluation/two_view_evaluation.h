@@ -14,9 +14,9 @@
 /// Evaluation of the relative pose of two views of scenes with depth.
 namespace ktgp_orb::evaluation::two_view {
 
-/// Degrees at which the area under the curve is measured.
+/// Limits of the error for the area under the curve, degrees.
 constexpr std::array<double, 4> kPoseThresholds{1.0, 2.0, 5.0, 10.0};
-/// A match is right when its Sampson distance from the true epipolar geometry is below this, px.
+/// A match is right if its Sampson distance from the true epipolar geometry is below this, px.
 constexpr double kRightWithin = 1.5;
 
 /// Two images with known cameras: x_target ~ R x_reference + t.
@@ -28,13 +28,13 @@ struct PosePair {
   Eigen::Matrix3d reference_camera;  ///< K, px
   Eigen::Matrix3d target_camera;
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< unit vector; zero where the camera only turned
+  Eigen::Vector3d translation;  ///< unit vector; zero if the camera only turned
 };
 
-/// The pairs of row numbers in pairs.txt of `folder`, from 0; without that file, the images that
-/// are `apart` rows from each other in its cameras.txt: one row per image, `file fx fy cx cy R11
-/// R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError. `read` gets the names of all
-/// files of the folder, as far as they are known when something cannot be read.
+/// The pairs that pairs.txt of `folder` lists by row numbers, from 0. Without that file, the images
+/// that are `apart` rows from each other in cameras.txt. This file has one row per image, `file fx
+/// fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError. `read` gets the
+/// names of all files of the folder; after an error, the names that are known by then.
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
                                     std::vector<std::string>& read);
 
@@ -47,20 +47,20 @@ struct PoseScore {
   double error = 0.0;
   double milliseconds = 0.0;             ///< matching and estimation, without the features
   double estimation_milliseconds = 0.0;  ///< time of the geometry alone; peers: of the estimator
-  std::size_t matches = 0;               ///< final ones
+  std::size_t matches = 0;               ///< number of final matches
   double precision = 0.0;                ///< share of the final matches that are right
-  /// Share of the right matches before the geometry that are among the final ones.
+  /// Share of the right matches before the geometry stage that become final matches.
   double kept = 0.0;
-  /// The larger one of the rotation and of the direction, degrees, of the answer's covariance.
+  /// The larger deviation of rotation and direction by the answer's covariance, degrees.
   double deviation = 0.0;
   std::string doubt;                 ///< see Doubt; peers: empty
   std::optional<double> normalised;  ///< squared error over its covariance, 5 degrees of freedom
 };
 
-/// Names of the methods: ours, and OpenCV's estimator on our and on its matches.
+/// Names of the methods: ours, and OpenCV's estimator on our matches and on OpenCV's own.
 std::vector<std::string> methodNames();
 
-/// Runs the methods named; reuses its buffers.
+/// Runs the given methods and reuses its buffers.
 class PoseEvaluator {
  public:
   /// `options`: parameters of the preset slam. Throws std::invalid_argument for an unknown name.
@@ -75,7 +75,7 @@ class PoseEvaluator {
   std::vector<std::function<PoseScore(const PosePair&, const Scene&)>> runs_;
 };
 
-/// For the terminal: a row per set and method. `scores`: one list per pair.
+/// A table for the terminal, with a row per set and method. `scores`: one list per pair.
 std::string toTable(const std::vector<PosePair>& pairs,
                     const std::vector<std::vector<PoseScore>>& scores,
                     const std::vector<std::string>& methods);

@@ -86,7 +86,8 @@ void degrade(const Degradation& d, cv::Mat& view) {
   view += noise;
 }
 
-/// The largest part with the proportions of the reference view, times kShown, around the middle.
+/// Maps the reference view to the middle of the picture: to kShown of the largest part with the
+/// proportions of the view.
 Eigen::Matrix3d pictureFromReference(const cv::Size& picture) {
   const double scale =
       kShown * std::min(picture.width / double{kWarpWidth}, picture.height / double{kWarpHeight});
@@ -104,7 +105,7 @@ cv::Mat toGrey(const cv::Mat& view) {
 }  // namespace
 
 std::optional<WarpLimits> warpLimits(const std::string& name) {
-  if (name == "tiny") return WarpLimits{0.2, 1.002, 0.1, 1.5};  // as for a slow camera
+  if (name == "tiny") return WarpLimits{0.2, 1.002, 0.1, 1.5};  // motion of a slow camera
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
@@ -114,7 +115,7 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
 }
 
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
-  // Two neighbouring seeds of SplitMix64 give the same numbers, shifted: draw once more.
+  // Neighbouring seeds of SplitMix64 give the same numbers, shifted, so the seed is drawn, too.
   Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
   Warp warp;
   warp.homography = drawHomography(limits, random);

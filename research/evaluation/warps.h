@@ -15,11 +15,11 @@ struct WarpLimits {
   double zoom = 1.0;             ///< ratio of the focal lengths
   double tilt = 0.0;             ///< largest tilt of the plane, about any axis within it, degrees
   double shift = 0.0;            ///< largest shift of the image centre along x and along y, px
-  double gamma = 1.3;            ///< a degraded target has 1/gamma to gamma, on a logarithmic scale
-  double gain = 0.2;             ///< a degraded target has 1 - gain to 1 + gain
+  double gamma = 1.3;            ///< exponent of a degraded target: 1/gamma to gamma, log scale
+  double gain = 0.2;             ///< gain of a degraded target: 1 - gain to 1 + gain
   double least_zoom = 1.0;       ///< the zoom is at least this or at most its inverse
   double least_tilt = 0.0;       ///< the tilt is at least this in either direction, degrees
-  bool always_degraded = false;  ///< not only every second target
+  bool always_degraded = false;  ///< every target is degraded, not only every second
 };
 
 /// "tiny", "small", "medium", "large" or "extreme"; empty for another name.
@@ -44,18 +44,18 @@ struct Warp {
   std::optional<Degradation> degradation;                    ///< degradation of the target image
 };
 
-/// Warp number `index` of a series. The same arguments give the same warp; even numbers are clean,
-/// odd ones are degraded, or all if the limits say so.
+/// Warp number `index` of a series. The same arguments give the same warp. Even numbers are clean
+/// and odd numbers are degraded, unless the limits degrade all.
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed);
 
 struct WarpedImages {
   cv::Mat reference;  ///< 8-bit grey, kWarpWidth x kWarpHeight
-  cv::Mat target;     ///< the same
+  cv::Mat target;     ///< 8-bit grey, same size
 };
 
-/// Both views of `picture` (8-bit grey, any size). The reference view shows the middle 85 % of the
-/// largest 4:3 part of the picture, so that a small warp stays inside the picture; parts outside
-/// are black. Both are rendered from the picture with antialiasing.
+/// Renders both views of `picture` (8-bit grey, any size) with antialiasing. The reference view
+/// shows the middle 85 % of the largest 4:3 part of the picture, so that a small warp stays inside
+/// the picture. Parts outside the picture are black.
 WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp);
 
 }  // namespace ktgp_orb::evaluation

@@ -237,7 +237,7 @@ def parse_arguments():
         prog="scripts/evaluate", description=__doc__,
         usage="%(prog)s [--built FOLDER] [--data DIR ...] [--bag FILE] [options]",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    # scripts/evaluate sets the first and reads the second.
+    # scripts/evaluate sets --tools and reads --built.
     parser.add_argument("--tools", default="", help=argparse.SUPPRESS)
     parser.add_argument("--built", default=argparse.SUPPRESS, metavar="FOLDER",
                         help="first of all: take the programs of this build, and build nothing")

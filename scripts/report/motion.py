@@ -17,8 +17,8 @@ import tempfile
 
 import numpy as np
 
-WINDOW = 0.05  # s: the truth at a time is a parabola through the samples this near; capture has noise
-PARTLY = 1  # exit code of ktgp_bag: it has written what it could use, and named the rest
+WINDOW = 0.05  # s; a parabola through the samples within this time smooths the noise of the capture
+PARTLY = 1  # exit code of ktgp_bag if it could use only a part of the data
 BOUND = 16.266  # 99.9 % of chi square with three degrees of freedom
 
 

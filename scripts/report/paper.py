@@ -13,7 +13,7 @@ NM = {
     "bikes": {"KT": [1019, 843, 525, 372, 257], "KTG": [934, 768, 459, 338, 206],
               "KTGP": [928, 767, 456, 330, 198]},
 }
-# Tables 4, 5 and 6: "ME" and "RMSE", printed as pixels, in fact Hamming distances.
+# Tables 4, 5 and 6: "ME" and "RMSE", which the paper gives in pixels but which are Hamming distances.
 DISTANCE = {
     "leuven": {"KT": (23.85192, 25.37288), "KTG": (23.83598, 25.35014),
                "KTGP": (23.73106, 25.23356), "ORB": (33.90576, 37.02068)},

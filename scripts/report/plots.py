@@ -59,7 +59,7 @@ OURS = ("KTGP", "KTGP+ALIGN", "ROBUST", "ROBUST-TEBLID")  # drawn in another col
 
 def _write_names(axes, points):
     """Writes each name to the right of its point, or above existing names; ours first."""
-    height, width = 7.0, 4.4  # of a letter, in points
+    height, width = 7.0, 4.4  # size of a letter, in points
     scale = 72.0 / axes.figure.dpi
     written = []  # left, right and bottom
     for name, point in sorted(points.items(), key=lambda p: (p[0] not in OURS, p[1][1])):

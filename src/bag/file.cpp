@@ -17,21 +17,21 @@ namespace {
 
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
 constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at once after damage
-constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are described
-/// A damaged compressed chunk may declare any size; rosbag's own are below a megabyte, or one
-/// image.
+constexpr std::size_t kNotedAtMost = 4;        // problems that damage() describes
+/// Largest size of a chunk that we believe, in bytes, since a damaged compressed chunk may declare
+/// any size. rosbag writes chunks below a megabyte unless one image is larger.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
 /// Largest compression ratio of LZ4.
 constexpr std::size_t kLz4Ratio = 255;
 
 const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
                                            Operation::chunk_info, Operation::connection};
-/// Kinds of records outside chunks.
+/// Kinds of records that occur only outside chunks.
 const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
 const std::vector<Operation> kInChunks{Operation::message, Operation::connection};
 
-/// Zeroed memory that is physically allocated only when written to: a wrong size costs nothing.
+/// Zeroed memory. The kernel provides a page only when it is written to: wrong sizes cost nothing.
 /// Throws std::bad_alloc.
 std::shared_ptr<char> zeroedMemory(std::size_t size) {
   std::shared_ptr<char> memory(static_cast<char*>(std::calloc(std::max<std::size_t>(size, 1), 1)),
@@ -78,7 +78,7 @@ void BagFile::noteAt(std::size_t position, const std::string& what) {
   note(what + " at byte " + std::to_string(position));
 }
 
-/// `size` bytes of the file, or fewer at its end.
+/// Reads `size` bytes of the file, or fewer at its end.
 std::string BagFile::bytesAt(std::size_t position, std::size_t size) {
   std::string bytes(position < size_ ? std::min(size, size_ - position) : 0, '\0');
   file_.clear();
@@ -101,7 +101,7 @@ std::optional<Record> BagFile::recordAt(std::size_t position) {
 
 std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
                                                const std::vector<Operation>& kinds) {
-  constexpr std::size_t kOverlap = 8192;  // longer than any header that is searched
+  constexpr std::size_t kOverlap = 8192;  // longer than any header that findRecord() finds
   for (std::size_t block = begin; block < size_; block += kSearchBlock) {
     const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
     const std::size_t beyond = size_ - block - bytes.size();
@@ -111,7 +111,7 @@ std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
   return std::nullopt;
 }
 
-// The records of the file
+// Functions that locate the records of the file
 
 void BagFile::scan() {
   std::size_t position = std::strlen(kFirstLine);
@@ -126,7 +126,7 @@ void BagFile::scan() {
   checkAgainstInfos();
 }
 
-/// Returns where the next record begins.
+/// Reads a record and returns where the next one begins.
 std::size_t BagFile::scanRecord(std::size_t position) {
   const auto record = recordAt(position);
   if (!record) return skipDamage(position);
@@ -165,7 +165,7 @@ std::size_t BagFile::skipDamage(std::size_t position) {
   const bool index_follows = next && next->operation == Operation::index;
   if (chunk_end_ == position && !chunks_.empty()) {
     chunks_.back().index_damaged = true;
-  } else if (index_follows) {  // the index of a lost chunk lists its messages
+  } else if (index_follows) {  // add the lost chunk, since its index still lists its messages
     chunks_.push_back({position, position, 0, 0, "none"});
   }
   if (index_follows) chunk_end_ = damage_end_;
@@ -186,7 +186,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
       noteAt(position, "a wrong size");
       chunk.stored_size = chunk.size;
     } else {
-      // Either the size is wrong, or the record after the chunk.
+      // Either the size is wrong, or the record after the chunk is damaged.
       const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
       if (found < chunk.stored_size) {
         noteAt(position, "damaged or cut off");
@@ -198,7 +198,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
   return chunk_end_ = chunk.data + chunk.stored_size;
 }
 
-/// A message outside a chunk, or in a chunk whose beginning is lost.
+/// Adds a message that is outside a chunk, or in a chunk whose beginning is lost.
 void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   const bool goes_on = !chunks_.empty() && chunk_end_ == begin && !chunks_.back().indexed;
   if (goes_on) {
@@ -210,9 +210,9 @@ void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   chunk_end_ = end;
 }
 
-/// Returns whether it is an index of the previous chunk.
+/// Returns whether the record is a valid index of the previous chunk.
 bool BagFile::addIndex(std::size_t position, const Record& record) {
-  constexpr std::size_t kEntry = 12;  // bytes: time, place in the chunk
+  constexpr std::size_t kEntry = 12;  // bytes of an entry: time, place in the chunk
   const auto connection = number(record.fields, "conn");
   const auto count = number(record.fields, "count");
   const bool fits = count && record.data_size == kEntry * std::size_t{*count};
@@ -230,7 +230,7 @@ bool BagFile::addIndex(std::size_t position, const Record& record) {
 }
 
 void BagFile::addChunkInfo(std::size_t position, const Record& record) {
-  constexpr std::size_t kEntry = 8;  // bytes: connection, count
+  constexpr std::size_t kEntry = 8;  // bytes of an entry: connection, count
   const auto low = number(record.fields, "chunk_pos");
   const auto high = number(record.fields, "chunk_pos", 4);
   const auto bytes = bytesAt(position + record.data, record.data_size);
@@ -289,7 +289,7 @@ void BagFile::checkAgainstHeader() {
 
 /// Compares the chunks with the entries for chunks in the index at the end of the file.
 void BagFile::checkAgainstInfos() {
-  constexpr std::size_t kLeastMessage = 32;  // bytes of its record
+  constexpr std::size_t kLeastMessage = 32;  // bytes of the smallest message record
   std::map<std::size_t, Chunk*> at;
   for (Chunk& chunk : chunks_) at[chunk.position] = &chunk;
   for (const ChunkInfo& info : infos_) {
@@ -306,7 +306,7 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // A chunk may be there, but at another position.
+  // Messages are not missing if their chunk is only at another position.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {
@@ -332,14 +332,14 @@ bool BagFile::agrees(const Chunk& chunk, const ChunkInfo& info) {
   return chunk.times.empty() || (info.start == first && info.end == last);
 }
 
-/// Replaces an index that is missing or wrong.
+/// Rebuilds a missing or wrong index of a chunk from its messages.
 void BagFile::indexFromMessages(Chunk& chunk) {
   Times times;
   const ChunkContents contents = read(chunk);
   for (const Message& message : contents.messages) {
     times[message.connection].push_back(message.time);
   }
-  // Lost messages still count as expected.
+  // Keep the old times of lost messages, which still count as expected.
   for (const auto& of : chunk.times) {
     const bool is_connection = connections_.count(of.first) > 0;
     if (is_connection && of.second.size() > times[of.first].size()) times[of.first] = of.second;
@@ -349,9 +349,9 @@ void BagFile::indexFromMessages(Chunk& chunk) {
   chunk.indexed = true;
 }
 
-// The messages of a chunk
+// Functions that read the messages of a chunk
 
-/// The messages of a chunk, in the memory of `contents`. Throws rosbag::BagException or
+/// Decompresses a chunk into the memory of `contents`. Throws rosbag::BagException or
 /// std::bad_alloc.
 std::string_view BagFile::plainBytes(const Chunk& chunk, ChunkContents& contents) {
   std::string stored = bytesAt(chunk.data, chunk.stored_size);
@@ -382,7 +382,7 @@ ChunkContents BagFile::read(const Chunk& chunk) {
   std::string_view bytes;
   try {
     bytes = plainBytes(chunk, contents);
-  } catch (const std::exception& error) {  // from rosbag, or std::bad_alloc
+  } catch (const std::exception& error) {  // rosbag::BagException or std::bad_alloc
     noteAt(chunk.position, std::string("a chunk cannot be decompressed (") + error.what() + ")");
     return contents;
   }

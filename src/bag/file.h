@@ -28,10 +28,10 @@ class UnusableBag : public std::runtime_error {
 
 namespace bag {
 
-/// The name of a topic with a slash in front and single ones in it, as `rosbag play` publishes it.
+/// The topic name with a leading slash and without double slashes, as `rosbag play` publishes it.
 std::string topicName(const std::string& written);
 
-/// A topic as a connection describes it.
+/// A topic as a connection record of the bag describes it.
 struct Topic {
   std::string name;  ///< see topicName()
   std::string type;
@@ -41,8 +41,8 @@ struct Topic {
   }
 };
 
-/// Whether the topic's messages have the layout of `Message`: by the md5sum, as nodes compare, so
-/// that tf/tfMessage is tf2_msgs/TFMessage.
+/// Whether the topic's messages have the layout of `Message`. Compares the md5sums, as ROS nodes
+/// do, so tf/tfMessage counts as tf2_msgs/TFMessage.
 template <typename Message>
 bool isOf(const Topic& topic) {
   const bool is_known = topic.md5sum.size() == 32;
@@ -50,16 +50,16 @@ bool isOf(const Topic& topic) {
                   : topic.type == ros::message_traits::datatype<Message>();
 }
 
-/// The times of the messages of each connection.
+/// The message times of each connection.
 using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
 
 struct Chunk {
-  std::size_t position;     ///< byte in the file where its record begins
-  std::size_t data;         ///< begin of its data
-  std::size_t stored_size;  ///< bytes of its data in the file
-  std::size_t size;         ///< bytes of the messages, according to the record
-  std::string compression;  ///< "none", "bz2", "lz4"
-  Times times{};            ///< times of its messages, according to the index
+  std::size_t position;     ///< byte in the file where the record begins
+  std::size_t data;         ///< byte in the file where the chunk's data begin
+  std::size_t stored_size;  ///< bytes of the data as stored in the file
+  std::size_t size;         ///< bytes of the uncompressed data, according to the record
+  std::string compression;  ///< "none", "bz2" or "lz4"
+  Times times{};            ///< times of the messages, according to the index
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -73,11 +73,11 @@ struct Message {
 /// A chunk in memory.
 struct ChunkContents {
   std::shared_ptr<char> bytes;
-  std::vector<Message> messages;  ///< in the order of the file; their data are in `bytes`
+  std::vector<Message> messages;  ///< in the order of the file; their data point into `bytes`
 };
 
-/// A bag whose records are all located, but whose messages are read chunk by chunk. Inconsistencies
-/// are noted; after a damaged record, reading continues at the next intact one.
+/// Locates all records of a bag at once, but reads the messages chunk by chunk. Notes
+/// inconsistencies; after a damaged record, reading continues at the next intact record.
 class BagFile {
  public:
   /// Throws UnusableBag for a file that cannot be read or is not a bag of format 2.0.
@@ -86,13 +86,13 @@ class BagFile {
   const std::vector<Chunk>& chunks() const { return chunks_; }
   /// All connection records; in a damaged bag they may contradict each other.
   const std::map<std::uint32_t, std::set<Topic>>& connections() const { return connections_; }
-  /// Number of messages of each connection that the index names and the file does not have.
+  /// For each connection, the number of messages that the index lists but the file lacks.
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
-  /// Whether the file ends with its index; an interrupted recording has none.
+  /// Whether the file ends with its index; an interrupted recording has no index.
   bool hasIndex() const { return !infos_.empty(); }
-  /// Problems found so far, for users: the first few, and the number of further ones.
+  /// The problems found so far, as text for users: the first few, and how many more there are.
   std::string damage() const;
-  /// Adds a problem, unless it is known.
+  /// Adds a problem unless it was noted before.
   void note(const std::string& what);
 
   /// All readable messages of a chunk.
@@ -130,7 +130,7 @@ class BagFile {
   std::ifstream file_;
   std::size_t size_ = 0;
   std::vector<Chunk> chunks_;
-  std::size_t chunk_end_ = 0;     ///< the index records of the last chunk begin here
+  std::size_t chunk_end_ = 0;     ///< the next index record of the last chunk begins here
   std::size_t damage_begin_ = 0;  ///< beginning of the damage that ends at `damage_end_`
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;

@@ -8,7 +8,7 @@ namespace {
 
 /// Bytes of a length field.
 constexpr std::size_t kLength = 4;
-/// Longest header that is searched after damage; nearly all are far shorter.
+/// Longest header, in bytes, that the search after damage finds; nearly all are far shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 
 std::optional<Operation> operationOf(const Fields& fields) {
@@ -17,7 +17,7 @@ std::optional<Operation> operationOf(const Fields& fields) {
   return static_cast<Operation>(op[0]);
 }
 
-/// Fast test whether a header may begin here; false for nearly all other positions.
+/// Fast test whether a record may begin at `bytes`. It rejects nearly all other positions.
 bool mayBegin(const char* bytes) {
   const std::size_t header = numberAt(bytes);
   const std::size_t field = numberAt(bytes + kLength);
@@ -25,7 +25,7 @@ bool mayBegin(const char* bytes) {
          field + kLength <= header;
 }
 
-/// Removes the number of an array's elements, which follow; empty if it is not there.
+/// Removes and returns the element count before an array; empty if the message is too short.
 std::optional<std::size_t> takeCount(std::string_view& message) {
   if (message.size() < kLength) return std::nullopt;
   const std::size_t count = numberAt(message.data());
@@ -33,8 +33,8 @@ std::optional<std::size_t> takeCount(std::string_view& message) {
   return count;
 }
 
-/// Removes the parts of a serialised message: so many bytes or, below 0, an array, which may be a
-/// text, of elements of so many bytes. False if the message is shorter.
+/// Removes the parts of a serialised message. A positive part is a number of bytes; a part of -n is
+/// an array or text with elements of n bytes. Returns false if the message is too short.
 bool take(const std::vector<int>& parts, std::string_view& message) {
   for (const int part : parts) {
     auto size = static_cast<std::size_t>(std::abs(part));

@@ -12,14 +12,14 @@ namespace {
 
 struct Number {
   bool negative = false;
-  std::string whole;     ///< digits, without zeros in front
-  std::string fraction;  ///< digits after a point
+  std::string whole;     ///< digits, without leading zeros
+  std::string fraction;  ///< digits after the point
 };
 
 struct Name {
   std::string file;
   std::string ending;
-  std::vector<std::string> texts;  ///< in small letters, before each number and after the last one
+  std::vector<std::string> texts;  ///< lower-case text before each number and after the last number
   std::vector<Number> numbers;
 };
 
@@ -27,7 +27,7 @@ bool isDigit(const std::string& text, std::size_t i) {
   return i < text.size() && std::isdigit(static_cast<unsigned char>(text[i])) != 0;
 }
 
-/// True also for a byte of a letter beyond ASCII.
+/// True for ASCII letters and digits, and for each byte of a non-ASCII letter.
 bool isLetter(char c) {
   const auto byte = static_cast<unsigned char>(c);
   return byte >= 0x80 || std::isalnum(byte) != 0;
@@ -43,7 +43,8 @@ std::string withoutZeros(const std::string& digits) {
   return digits.substr(std::min(digits.size(), digits.find_first_not_of('0')));
 }
 
-/// A minus is a sign where no word and no number ends before it: "-5", "t_-5", but not "img-5".
+/// Removes a sign from the end of `before`, and returns whether it is a minus. A '-' is a sign only
+/// if no word or number ends before it: "-5", "t_-5", but not "img-5".
 bool takeSign(bool begins, std::string& before) {
   if (before.empty() || (before.back() != '-' && before.back() != '+')) return false;
   if (before.size() == 1 && !begins) return false;
@@ -54,7 +55,7 @@ bool takeSign(bool begins, std::string& before) {
   return negative;
 }
 
-/// "1e-05", as Python writes small decimals.
+/// Applies an exponent, as in "1e-05", which Python writes for small decimals.
 void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   constexpr std::size_t kMost = 40;
   if (text.compare(i, 2, "e-") != 0 || !isDigit(text, i + 2)) return;
@@ -68,7 +69,8 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// Whether the number is one of three or more in a row, as in "2024.01.02": these are counts.
+/// Whether the number belongs to three or more numbers joined by points, as in "2024.01.02". Such
+/// numbers are counters, not decimals.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && text[begin - 1] == '.' && isDigit(text, begin - 2);
   return before || (end < text.size() && text[end] == '.' && isDigit(text, end + 1));
@@ -123,10 +125,10 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Whether the digits behind the points of the numbers at that place of all names are a count.
+/// Whether the digits after the point are a counter in the numbers at this place of all names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
-  // A tenth of all decimals begin with a zero after the point, and a tenth of all counts end with
-  // one. In many names, one may be an exception.
+  // A tenth of all decimals have a zero right after the point, and a tenth of all counters end with
+  // a zero. Among many names, one may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;
@@ -172,7 +174,7 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  constexpr std::size_t kRare = 20;  // one name in this many
+  constexpr std::size_t kRare = 20;  // at most one of this many names is odd
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
   std::size_t most = 0;

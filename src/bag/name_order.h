@@ -5,13 +5,13 @@
 
 namespace ktgp_orb::bag {
 
-/// Sorts names of files by the numbers in them: "img2" before "img10", "-0.5" before "0.25", "9.95"
-/// before "10.1". All names together decide whether "1.10" is a decimal or two counts: counts have
-/// no leading zeros, and decimals of different lengths have no trailing ones.
+/// Sorts file names by the numbers in them: "img2" before "img10", "-0.5" before "0.25", "9.95"
+/// before "10.1". Judges from all names whether "1.10" is a decimal or two counters: counters have
+/// no leading zeros, and decimals of different lengths have no trailing zeros.
 void sortByNumbers(std::vector<std::string>& files);
 
-/// The names of `files` whose texts between the numbers are like those of almost no other file, for
-/// example "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
+/// Names in `files` whose text around the numbers is shared by almost no other file, for example
+/// "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
 std::vector<std::string> oddNames(const std::vector<std::string>& files);
 
 }  // namespace ktgp_orb::bag

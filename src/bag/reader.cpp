@@ -22,7 +22,7 @@ bool isImage(const bag::Topic& topic) {
   return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);
 }
 
-/// Whether a topic has a transport that is not read here, or another layout than today's messages.
+/// Whether a topic has images that are not read here, because of their transport or an old layout.
 bool isOtherImage(const bag::Topic& topic) {
   const bool is_named = topic.type.find("Image") != std::string::npos ||
                         topic.type.find("Packet") != std::string::npos;
@@ -156,7 +156,7 @@ std::optional<RecordedMessage> BagMessages::next() {
     const std::uint32_t connection = queue_.begin()->second;
     queue_.erase(queue_.begin());
     current_ = contentsOf(chunk);
-    if (number >= current_->messages.size()) continue;  // the message was readable before
+    if (number >= current_->messages.size()) continue;  // it can no longer be read
     ++read_;
     return RecordedMessage{connections_.at(connection), time, current_->messages[number].data};
   }
@@ -210,7 +210,7 @@ void BagMessages::enqueue(std::size_t chunk) {
   }
 }
 
-/// The last few chunks are kept, since the messages of several may alternate.
+/// Keeps the last few chunks in memory, since the messages of several chunks may alternate.
 BagMessages::ContentsPtr BagMessages::contentsOf(std::size_t chunk) {
   constexpr std::size_t kKept = 4;
   for (const auto& kept : kept_) {

@@ -26,7 +26,7 @@ namespace ktgp_orb {
 
 /// A message of a bag, valid until the next one is read.
 struct RecordedMessage {
-  std::set<bag::Topic> topics;  ///< one, or several that contradict each other in a damaged bag
+  std::set<bag::Topic> topics;  ///< one, or several if a damaged bag contradicts itself
   ros::Time received;
   std::string_view bytes;
 
@@ -38,7 +38,7 @@ struct RecordedMessage {
     const std::string type = ros::message_traits::datatype<Message>();
     const bool is_of_type = std::any_of(topics.begin(), topics.end(), bag::isOf<Message>);
     if (!is_of_type || !bag::isWellFormed(type, bytes)) return nullptr;
-    // ROS has no stream of constant data; this one is only read.
+    // ROS has no input stream for const data, but deserialize() does not write to the stream.
     auto* const data = reinterpret_cast<std::uint8_t*>(const_cast<char*>(bytes.data()));
     ros::serialization::IStream stream(data, static_cast<std::uint32_t>(bytes.size()));
     auto message = boost::make_shared<Message>();
@@ -51,8 +51,8 @@ struct RecordedMessage {
   }
 };
 
-/// The messages of some topics of a bag, damaged or not, in the order of their times. Reads chunks
-/// in the order of their first messages, and only as many as are needed to know the next one.
+/// The messages of selected topics of a bag, which may be damaged, in the order of their times.
+/// Reads chunks in the order of their first messages, and only as far as the next message needs.
 class BagMessages {
  public:
   using Wanted = std::function<bool(const bag::Topic&)>;
@@ -61,24 +61,24 @@ class BagMessages {
   explicit BagMessages(const std::string& path);
 
   std::set<bag::Topic> topics() const;
-  /// To be called once, before next(). `start`: s after the beginning of the bag; `duration`: s,
-  /// below 0: to the end.
+  /// Call this once, before next(). `start`: seconds after the beginning of the bag. `duration`:
+  /// seconds; a negative duration means to the end.
   void select(const Wanted& wanted, double start = 0.0, double duration = -1.0);
   /// Number of selected messages in the index.
   std::size_t total() const { return total_; }
 
   /// The next readable message; empty at the end.
   std::optional<RecordedMessage> next();
-  /// Notes that the message returned last is damaged; `what` says so for users.
+  /// Notes that the message returned last is damaged. `what`: text for users.
   void reject(const std::string& what);
 
-  /// Problems so far, beginning with the number of lost `things` ("images") if it is known; empty
-  /// for an intact bag.
+  /// Text about the problems so far; empty for an intact bag. Begins with the number of lost
+  /// messages if it is known. `things`: what users call the messages, for example "images".
   std::string damage(const std::string& things) const;
 
  private:
   using ContentsPtr = std::shared_ptr<const bag::ChunkContents>;
-  using Key = std::tuple<ros::Time, std::size_t, std::size_t>;  // time, chunk, index in it
+  using Key = std::tuple<ros::Time, std::size_t, std::size_t>;  // time, chunk, index in the chunk
 
   bool isWanted(const ros::Time& time) const { return time >= begin_ && time <= end_; }
   std::vector<ros::Time> wantedTimes(const bag::Chunk& chunk) const;
@@ -92,11 +92,11 @@ class BagMessages {
   std::size_t total_ = 0;
   std::vector<std::pair<ros::Time, std::size_t>>
       order_;                           // first time and number of each chunk with wanted messages
-  std::size_t unread_ = 0;              // index of the next chunk in it
-  std::map<Key, std::uint32_t> queue_;  // connection of each message of the chunks read
+  std::size_t unread_ = 0;              // index in order_ of the next chunk
+  std::map<Key, std::uint32_t> queue_;  // connection of each queued message
   std::list<std::pair<std::size_t, ContentsPtr>> kept_;
-  ContentsPtr current_;       // contents of the chunk with the newest message
-  std::size_t expected_ = 0;  // messages of the chunks read
+  ContentsPtr current_;       // chunk of the message returned last
+  std::size_t expected_ = 0;  // messages that the chunks read should have
   std::size_t read_ = 0;
 };
 
@@ -110,16 +110,16 @@ struct RecordedImage {
 class ImageSource {
  public:
   virtual ~ImageSource() = default;
-  /// The next readable image, or empty at the end. Throws only for lack of memory.
+  /// The next readable image, or empty at the end. Throws only if memory runs out.
   virtual std::optional<RecordedImage> next() = 0;
   /// Number of images in the bag's index.
   virtual std::size_t total() const = 0;
-  /// The topic of the images; for videos and pictures, that of a usual camera.
+  /// The topic of the images; for videos and pictures, the usual topic of a camera.
   const std::string& topic() const { return topic_; }
-  /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
-  /// known; empty for an intact bag.
+  /// Text about the problems in the part of the bag that was read; empty for an intact bag. Begins
+  /// with the number of lost images if it is known.
   virtual std::string damage() const = 0;
-  /// Tells users how an ambiguous input was read; empty: it was not ambiguous.
+  /// Tells users how an ambiguous input was interpreted; empty if nothing was ambiguous.
   virtual std::string note() const { return {}; }
 
  protected:
@@ -133,15 +133,16 @@ struct BagSelection {
 };
 
 /// Opens the images (sensor_msgs/Image or CompressedImage) of one topic of a bag, damaged or not.
-/// Throws UnusableBag for a file that is not a bag, for a bag without images on the topic or in the
-/// time, and if no topic is given and there is not exactly one; the message names the image topics.
+/// Throws UnusableBag if the file is not a bag, if the topic has no images in the selected time, or
+/// if no topic is given and the bag does not have exactly one image topic. The error lists the
+/// image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
-/// Namespace of the camera of the image topic, also for topics of the compressed transport.
+/// Namespace of the camera that publishes the image topic, which may be a compressed one.
 std::string cameraOf(const std::string& image_topic);
 
-/// The first camera_info beside the image topic, of a calibrated camera where there is one. Throws
-/// UnusableBag if there is none; `user`: what needs it.
+/// The first camera_info of a calibrated camera beside the image topic, else the first camera_info
+/// at all. Throws UnusableBag if there is none. `user`: what needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
 

@@ -25,7 +25,8 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// False for a pipe, which would block, and would lose what is read here.
+/// Whether a file begins with `start`. Returns false for a pipe: reading it here could block, and
+/// would take bytes from its later reader.
 bool beginsWith(const std::string& path, const std::string& start) {
   std::error_code none;
   if (!std::filesystem::is_regular_file(path, none)) return false;
@@ -34,7 +35,7 @@ bool beginsWith(const std::string& path, const std::string& start) {
   return first == start;
 }
 
-/// Zero is no time for ROS, and cannot be in a bag.
+/// At least 1 ns, because ROS takes zero for "no time" and a bag cannot store it.
 ros::Time stampOf(double seconds) {
   return std::max(ros::TIME_MIN, ros::Time(std::max(seconds, 0.0)));
 }
@@ -60,8 +61,8 @@ void refuseTopic(const std::string& path, const BagSelection& selection) {
                     "(--name sets the names of the output)");
 }
 
-/// cv::CAP_ANY would also try cameras and patterns. Messages of OpenCV and FFmpeg about a file that
-/// is no video are suppressed, since the caller reports it.
+/// Tries FFmpeg and GStreamer; cv::CAP_ANY would also try cameras and patterns. Suppresses the
+/// messages of OpenCV and FFmpeg about a file that is no video, since the caller reports it.
 bool opened(const std::string& path, cv::VideoCapture& video) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   const auto level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
@@ -70,8 +71,8 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
   return done;
 }
 
-/// Counts hidden images, too: a cut without new encoding leaves images in an MP4 or MOV file that
-/// players do not show. FFmpeg returns them with an option that OpenCV takes only from the
+/// Counts all images, also hidden ones: cutting an MP4 or MOV without re-encoding leaves images
+/// that players do not show. FFmpeg returns them with an option that OpenCV reads from the
 /// environment.
 std::size_t imagesIn(const std::string& path) {
   constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
@@ -132,19 +133,20 @@ class Video : public ImageSource {
   }
 
  private:
-  /// Matroska has no number of images: OpenCV estimates it from the length and the usual rate, so
-  /// it is wrong where the rate varies. A file that is cut off ends too early.
+  /// Whether the last image comes too early; checked for Matroska only, else true. Matroska does
+  /// not store the number of images. OpenCV estimates it from the length and the usual rate, which
+  /// is wrong if the rate varies, so we compare the times.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
     return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
   }
 
-  /// Containers that only estimate the number of images are a little wrong, and far too high where
-  /// the first image is late.
+  /// Whether `images` is clearly below the number in the file. A number that is only an estimate is
+  /// slightly wrong, and far too high if the first image is late.
   bool isTooFew(std::size_t images) const {
     constexpr std::size_t kTolerance = 50;  // one missing image in this many is tolerated
-    constexpr std::size_t kMost = 100;      // a number this many times too high is an estimate
+    constexpr std::size_t kMost = 100;  // a declared number this many times too high is an estimate
     return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
   }
 
@@ -163,9 +165,9 @@ class Video : public ImageSource {
     return std::nullopt;
   }
 
-  /// Time of the image grabbed last. OpenCV has no time for the last images of a video with
-  /// B-frames, and a repeated time would be taken for the same image: such an image gets the time
-  /// of the one before plus a usual step.
+  /// Time of the image grabbed last, s. OpenCV gives no time for the last images of a video with
+  /// B-frames, and a repeated time would count as a repeated image. We add the usual step to the
+  /// time of the previous image instead.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
@@ -177,7 +179,7 @@ class Video : public ImageSource {
     return last_ = seconds;
   }
 
-  /// The median of the last few steps, s.
+  /// Median time between the last few images, s.
   double usualStep() const {
     std::vector<double> sorted(steps_.begin(), steps_.end());
     std::sort(sorted.begin(), sorted.end());
@@ -187,7 +189,7 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  std::deque<double> steps_{1.0 / 30.0};  // s; where the container does not say
+  std::deque<double> steps_{1.0 / 30.0};  // s; the default for containers without a rate
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;
   double last_ = 0.0;  // s, time of the image grabbed last

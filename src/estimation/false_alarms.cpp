@@ -12,8 +12,8 @@
 namespace ktgp_orb::estimation {
 namespace {
 
-/// Bounds of one coordinate, from the quartiles of a few points, spread over the input; points
-/// beyond are far outliers. The bounds stay where the quartiles are equal.
+/// Sets the bounds of one coordinate beyond which a point is a far outlier, from the quartiles of
+/// at most 32 points, spread over the input. If the quartiles are equal, the bounds do not change.
 void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
                Eigen::AlignedBox2d& fences) {
   constexpr std::size_t kEnough = 32;
@@ -49,7 +49,7 @@ FalseAlarms::FalseAlarms(std::size_t sample_size, std::size_t pairs)
 }
 
 double FalseAlarms::next(double p) {
-  // From k to k + 1, C(N, k) C(k, m) becomes (N - k) / (k + 1 - m) times as much.
+  // If k grows by 1, C(N, k) C(k, m) is multiplied by (N - k) / (k + 1 - m).
   log_subsets_ += std::log10((n_ - k_) / (k_ + 1.0 - m_));
   k_ += 1.0;
   return log_subsets_ + (k_ - m_) * std::log10(std::min(p, 1.0));

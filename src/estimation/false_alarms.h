@@ -6,10 +6,10 @@
 
 namespace ktgp_orb::estimation {
 
-/// Number of false alarms of a-contrario detection (Moisan & Stival, IJCV 2004). Of N pairs there
-/// are C(N, k) sets of k, each with C(k, m) samples of m. The other k - m pairs of a set agree with
-/// the model of a sample by chance with probability p^(k-m). So the expected number of models with
-/// such support by chance is at most
+/// Number of false alarms (NFA) of a-contrario detection (Moisan & Stival, IJCV 2004). Of N pairs
+/// there are C(N, k) sets of k pairs, each with C(k, m) samples of m pairs. The other k - m pairs
+/// of a set agree with the model of a sample by chance with probability p^(k-m). So the expected
+/// number of models that k pairs support by chance is at most
 ///
 ///   NFA(k) = (N - m) C(N, k) C(k, m) p^(k-m).
 class FalseAlarms {
@@ -17,8 +17,8 @@ class FalseAlarms {
   /// `sample_size` m; `pairs` N.
   FalseAlarms(std::size_t sample_size, std::size_t pairs);
 
-  /// log10 NFA after adding one pair, beginning with pair m + 1; `p`: chance that a pair agrees as
-  /// well as the worst one so far.
+  /// Adds one pair and returns log10 of the NFA; the first call adds pair m + 1. `p`: probability
+  /// that a random pair agrees at least as well as the worst pair so far.
   double next(double p);
 
  private:
@@ -33,8 +33,8 @@ class FalseAlarms {
 /// and make every agreement seem significant.
 double coveredArea(const std::vector<Eigen::Vector2d>& points);
 
-/// Chance that a pair agrees with a wrong model: a random target point within `distance` px.
-/// At least 1 %, since keypoints are not spread evenly, and at most one half.
+/// Probability that a pair agrees with a wrong model because a random target point lies within
+/// `distance` px. It is at least 1 %, since keypoints are not spread evenly, and at most 50 %.
 double chanceInlier(double covered_area, double distance);
 
 }  // namespace ktgp_orb::estimation

@@ -10,8 +10,8 @@ namespace ktgp_orb::estimation {
 
 namespace {
 
-/// An integer with the same order as the number in single precision, which separates all ratios of
-/// Hamming distances.
+/// An integer that sorts like the number in single precision. Single precision separates all ratios
+/// of Hamming distances.
 std::uint64_t sortKey(double quality) {
   const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
   std::uint32_t bits = 0;
@@ -22,7 +22,7 @@ std::uint64_t sortKey(double quality) {
 
 }  // namespace
 
-/// Radix sort, from the lowest byte on: stable, and several times faster than comparing.
+/// Radix sort from the lowest byte on: stable, and several times faster than comparison sorts.
 void QualityOrder::sort(const std::vector<double>& quality) {
   const std::size_t n = quality.size();
   keys_.resize(n);
@@ -53,14 +53,14 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  constexpr double kSteadyShare = 4.0;  // a quarter of the budget
+  constexpr double kSteadyShare = 4.0;  // the steady start gets at most a quarter of the budget
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
   steady_ = std::min(1.0, budget / (kSteadyShare * n));
   growth_ = std::max(0.0, budget - 1.0 - steady_ * (n - m)) / orderedSamples(points);
 }
 
-/// n (n-1) (n-2) … = m! C(n,m)
+/// Number of ordered samples from n pairs: n (n-1) (n-2) … = m! C(n,m)
 double ProsacSampler::orderedSamples(std::size_t n) const {
   const double x = static_cast<double>(n);
   double product = x;
@@ -91,8 +91,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPsi = 0.05;
-/// PROSAC does not stop for fewer best pairs than this many samples have: a few pairs close
-/// together agree with models that are wrong elsewhere.
+/// The termination length is at least this many times the sample size, because a few pairs close
+/// together also agree with models that are wrong elsewhere.
 constexpr std::size_t kMinSamplesLong = 5;
 
 /// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
@@ -116,7 +116,7 @@ void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_
   }
 }
 
-/// Probability that a sample from n pairs, `inliers` of them inliers, has only inliers.
+/// Probability that a sample from n pairs, of which `inliers` are inliers, has only inliers.
 double goodSample(int sample_size, double inliers, double n) {
   double p = 1.0;
   for (int i = 0; i < sample_size; ++i) p *= (inliers - i) / (n - i);

@@ -11,13 +11,13 @@
 
 namespace ktgp_orb::estimation {
 
-/// The order in which PROSAC draws: best quality first. Keeps its buffers.
+/// The order in which PROSAC draws pairs, best quality first. Keeps its buffers.
 class QualityOrder {
  public:
-  /// Smaller is better. Equal qualities stay in the order of the input.
+  /// Sorts by quality, smaller is better; pairs of equal quality keep the order of the input.
   void sort(const std::vector<double>& quality);
 
-  /// The index in the input of the pair at `place` in the order.
+  /// Index, in the input, of the pair at `place` in the order of quality.
   std::size_t operator[](std::size_t place) const { return keys_[place] & kIndexMask; }
   std::size_t size() const { return keys_.size(); }
 
@@ -25,28 +25,29 @@ class QualityOrder {
   static constexpr int kIndexBits = 32;
   static constexpr std::uint64_t kIndexMask = 0xffffffffU;
 
-  std::vector<std::uint64_t> keys_;  // quality in the upper half, index in the lower
+  std::vector<std::uint64_t> keys_;  // upper 32 bits: quality; lower 32 bits: index
   std::vector<std::uint64_t> sorted_;
 };
 
-/// Indices of different pairs in the order of quality: as many as determine a model.
+/// Sample of different pairs, enough to determine a model: their places in the order of quality.
 using ProsacSample = std::vector<std::size_t>;
 
-/// Fills sample[first…] with different numbers below `end` that are not in the sample. `end` is at
-/// least the size of the sample.
+/// Fills the entries of `sample` from `first` on with numbers below `end` that the sample does not
+/// contain yet. There must be enough of these numbers.
 void drawDistinct(std::size_t end, std::size_t first, util::Random& random, ProsacSample& sample);
 
 /// Draws samples of m pairs from a growing set of the best (Chum & Matas, CVPR 2005, section 2).
 ///
 /// The growth function gives the number of samples after which the best n pairs were all used. The
-/// paper's is T_N C(n,m)/C(N,m), each step rounded up to at least one sample. With a total of T_N
-/// samples it never reaches the end, since N - m steps are forced. Here
+/// growth function of the paper is T_N C(n,m)/C(N,m), with each step rounded up to at least one
+/// sample. With a budget of T_N samples it never reaches the last pair, since the rounding forces
+/// N - m samples. This class uses
 ///
 ///   T'(n) = 1 + r (n - m) + T_N C(n,m)/C(N,m),   r = min(1, budget / 4N),   T'(N) = budget:
 ///
-/// a steady start of r samples for each new pair, with at most a quarter of the budget, then the
-/// paper's growth with the rest of the budget as T_N. For every N, the last sample includes the
-/// last pair.
+/// First, each new pair gets r samples, which takes at most a quarter of the budget. Then the
+/// function grows as in the paper, with the rest of the budget as T_N. For every N, the last sample
+/// includes the last pair.
 class ProsacSampler {
  public:
   /// `sample_size` m >= 1; `points` N >= m; `budget`: maximum number of samples, >= 1.
@@ -56,15 +57,15 @@ class ProsacSampler {
   /// last sample still includes the last pair.
   void spend(int samples) { spent_ += samples; }
 
-  /// The next sample, m indices. The set of pairs does not grow beyond `limit`, n* of the paper.
+  /// Draws a sample of m indices. The set of pairs does not grow beyond `limit` (n* in the paper).
   void draw(std::size_t limit, ProsacSample& sample);
 
   int drawn() const { return drawn_; }
-  /// The rest of the budget.
+  /// Number of samples that are left in the budget.
   int left() const { return budget_ - spent_ - drawn_; }
   std::size_t growthSetSize() const { return growth_set_size_; }
 
-  /// T'(n), for m <= n <= N.
+  /// Returns T'(n), for m <= n <= N.
   double samplesUntil(std::size_t n) const;
 
  private:
@@ -73,21 +74,21 @@ class ProsacSampler {
   std::size_t sample_size_;
   std::size_t points_;
   int budget_;
-  double steady_;  // r
-  double growth_;  // T_N over the ordered samples from N
+  double steady_;  // r, samples for each new pair
+  double growth_;  // T_N over the number of ordered samples from N pairs
   int drawn_ = 0;
   int spent_ = 0;
   std::size_t growth_set_size_;
   util::Random random_;
 };
 
-/// When PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). Two rules apply to the inliers I_n
-/// among the best n pairs, for every n:
-/// - non-randomness (Eq. 8, 9): a wrong model has I_n inliers by chance, each further pair with
-///   probability beta, less than psi = 5 % of the time;
-/// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, with P_n the chance of
-///   an all-inlier sample, a better model in the best n has been missed with probability eta0.
-/// The termination length n* is the n with the smallest k_n among those that pass the first rule.
+/// Decides when PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). Two rules apply to the
+/// number of inliers I_n among the best n pairs, for every n:
+/// - non-randomness (Eq. 8, 9): a wrong model has I_n inliers less than psi = 5 % of the time, if
+///   each pair beyond the sample agrees with it by chance with probability beta;
+/// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, a better model in the
+///   best n pairs was missed with probability eta0. P_n: probability of an all-inlier sample.
+/// The termination length n* is the n with the smallest k_n that passes the first rule.
 class ProsacStopping {
  public:
   /// `sample_size` m: pairs that determine a model; `points` N >= m; `chance_inlier` beta in (0,
@@ -97,11 +98,11 @@ class ProsacStopping {
   /// Updates the rules with a new best model; `inlier` is in order of quality.
   void update(const std::vector<std::uint8_t>& inlier);
 
-  /// n*; initially N.
+  /// n*; N before the first model.
   std::size_t terminationLength() const { return termination_length_; }
-  /// Samples until maximality is reached; infinite before non-randomness is.
+  /// Number of samples that maximality requires; infinite if no n passes non-randomness.
   double samplesNeeded() const { return samples_needed_; }
-  /// The least I_n that is not random.
+  /// Smallest number of inliers among the best n pairs that passes non-randomness.
   std::size_t minInliers(std::size_t n) const { return min_inliers_[n]; }
 
  private:
@@ -116,20 +117,20 @@ struct ProsacRules {
   int max_iterations = 2000;    ///< maximum number of samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong model, in (0, 1)
-  int min_iterations = 0;       ///< fewest samples from the growing set, within the budget
+  int min_iterations = 0;       ///< least number of samples from the growing set, within the budget
   std::uint64_t seed = 1;
 };
 
-/// The search for the model with the least cost (Chum & Matas, "Matching with PROSAC", CVPR 2005)
-/// with local optimisation (Chum, Matas & Kittler, DAGM 2003). It knows no geometry; the problem
-/// supplies that:
+/// Searches for the model with the least cost (Chum & Matas, "Matching with PROSAC", CVPR 2005)
+/// with local optimisation (Chum, Matas & Kittler, DAGM 2003). The search knows no geometry; the
+/// problem supplies it:
 ///
 ///   using Model = …;                        a value
-///   std::size_t sampleSize() const;         pairs that determine models
-///   std::size_t size() const;               pairs, best quality first
+///   std::size_t sampleSize() const;         number of pairs that determine models
+///   std::size_t size() const;               number of pairs, sorted by quality, best first
 ///   void solve(sample, visit);              calls visit(model) for each model of a sample
-///   float cost(model, give_up) const;       MSAC; incomplete where it exceeds give_up
-///   bool refine(widening, model);           a step over the pairs within `widening` thresholds
+///   float cost(model, give_up) const;       MSAC; a partial sum if it exceeds give_up
+///   bool refine(widening, model);           fits to the pairs within `widening` thresholds
 ///   std::size_t findInliers(model, inlier) const;
 ///
 /// Keeps its buffers.
@@ -139,8 +140,8 @@ class ProsacSearch {
   using Model = typename Problem::Model;
 
   /// Draws samples until both stopping rules (ProsacStopping) are met, or the budget is used up.
-  /// The problem has at least as many pairs as a sample. `initial` is scored before the first
-  /// sample. True: it or some sample gave a model.
+  /// The problem must have at least as many pairs as a sample. `initial` is scored before the first
+  /// sample. Returns true if `initial` or a sample gave a model.
   bool run(const ProsacRules& rules, const std::optional<Model>& initial, Problem& problem) {
     problem_ = &problem;
     random_ = util::Random(~rules.seed);
@@ -162,7 +163,7 @@ class ProsacSearch {
     return best_cost_ < std::numeric_limits<float>::infinity();
   }
 
-  /// Result of the last run: the model with the least cost, if one was found; the samples drawn,
+  /// The model of the last run with the least cost, if a model was found; the number of samples,
   /// from the growing set and from the inliers; whether the budget was used up before the stopping
   /// rules were met.
   const Model& best() const { return best_; }
@@ -176,7 +177,7 @@ class ProsacSearch {
     return improved;
   }
 
-  /// Makes the model the best one, refined, if it is better.
+  /// If the model is better than the best model, it replaces the best model and is refined.
   bool improve(const Model& model) {
     const float cost = problem_->cost(model, best_cost_);
     if (cost >= best_cost_) return false;
@@ -186,7 +187,7 @@ class ProsacSearch {
     return true;
   }
 
-  /// Local optimisation by steps over the inliers, with a limit that shrinks to the threshold.
+  /// Local optimisation: refits to the inliers while their limit shrinks to the threshold.
   void polish() {
     Model candidate = best_;
     for (const double widening : {2.0, 1.0, 1.0}) {
@@ -198,8 +199,8 @@ class ProsacSearch {
     }
   }
 
-  /// Updates the stopping rules with the new best model. If these require more samples, first tries
-  /// some from its support.
+  /// Updates the stopping rules with the new best model. If the rules require more samples, first
+  /// draws some from the inliers of this model.
   void updateStopping(ProsacSampler& sampler) {
     findSupport();
     stopping_.update(inlier_);
@@ -217,11 +218,11 @@ class ProsacSearch {
     }
   }
 
-  /// The other half of local optimisation: samples from the inliers only. A sample with one wrong
-  /// pair often agrees with only a part of the right pairs, and least squares does not find the
-  /// others; a sample of right pairs does. Returns true if that gave a better model. Such samples
-  /// say nothing about the other pairs, so they count towards the budget but not towards
-  /// maximality. They use at most half of the remaining budget.
+  /// Second part of local optimisation: draws samples from the inliers only. A sample with one
+  /// wrong pair often agrees with only a part of the right pairs, and least squares does not find
+  /// the other right pairs; a sample of right pairs does. Returns true if a sample gave a better
+  /// model. Samples of inliers say nothing about the other pairs, so they count towards the budget
+  /// but not towards maximality. They use at most half of the remaining budget.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);
@@ -245,7 +246,7 @@ class ProsacSearch {
   int iterations_ = 0;
   bool exhausted_ = false;
   std::vector<std::uint8_t> inlier_;  // inliers of the best model, in order of quality
-  std::vector<std::size_t> support_;  // indices of its inliers
+  std::vector<std::size_t> support_;  // places of these inliers in the order of quality
   ProsacSample sample_;
   ProsacStopping stopping_;
 };

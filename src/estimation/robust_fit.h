@@ -13,47 +13,48 @@ namespace ktgp_orb::estimation {
 
 /// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
-/// A symmetric matrix and a vector over the parameters, without the heap. Their algebra is compiled
-/// once, in the functions below.
+/// A symmetric matrix and a vector over the parameters, without heap memory. Their algebra is
+/// compiled once, in the functions below.
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                   kMostParameters, kMostParameters>;
 using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
 
-/// Sums over the measurements at one state. e: residuals of a measurement, J: their Jacobian by the
-/// step, w = t c: its weight (see RobustWeights).
+/// Sums over the measurements at one state. e: residuals of a measurement; J: Jacobian of e with
+/// respect to the step; w = t c: weight of the measurement (see RobustWeights).
 struct NormalEquations {
   Information squares;       ///< sum of J' w J
   Step gradient;             ///< sum of J' w e
   double weight = 0.0;       ///< sum of w
-  double derivative = 0.0;   ///< sum of c d(t e)/de, the mean over the directions of e
+  double derivative = 0.0;   ///< sum of c d(t e)/de, averaged over the directions of e
   double square = 0.0;       ///< sum of c t² e²
   double cost = 0.0;         ///< sum of w e²
-  double former_cost = 0.0;  ///< sum of w e², with the weights of the state before
+  double former_cost = 0.0;  ///< sum of w e², with the weights of the previous state
 };
 
 struct FitRules {
   int most_steps = 30;
-  double converged = 1e-5;  ///< largest entry of the last step
-  /// Largest entry of a step; longer ones are damped.
+  double converged = 1e-5;  ///< the fit ends when no entry of a step is larger
+  /// Largest allowed entry of a step; longer steps are damped.
   double longest = std::numeric_limits<double>::infinity();
-  double least_scale = 0.0;  ///< least scale of the errors
+  double least_scale = 0.0;  ///< lower limit of the scale of the errors
   double first_damping = 0.0;
-  /// Most that a step is lengthened, see findStep().
+  /// Upper limit of the factor by which findStep() lengthens a step.
   double lengthening = 2.0;
 };
 
 enum class FitEnd { undetermined, most_steps, converged };
 
-/// The step d with a (J'wJ + damping diag(J'wJ)) d = -J'we; false if it is not determined, or is
-/// longer than the rules allow. a, derivative over weight, turns J'wJ into the second derivative of
-/// the likelihood: without it each step would be too short, since the weights fall with the errors.
+/// Solves a (J'wJ + damping diag(J'wJ)) d = -J'we for the step d. Returns false if d is not
+/// determined or is longer than the rules allow. The factor a = derivative / weight turns J'wJ into
+/// the second derivative of the likelihood. Without this factor each step would be too short, since
+/// the weights fall as the errors grow.
 bool findStep(const NormalEquations& sums, double damping, const FitRules& rules, Step& step);
 
-/// Maximum likelihood for errors with Student's t distribution, by Levenberg-Marquardt steps with
-/// new weights and a new scale in each. Least squares where the problem leaves the weights empty.
-/// It knows no geometry; the problem supplies that:
+/// Fits a state by maximum likelihood for errors with Student's t distribution. Each
+/// Levenberg-Marquardt step has new weights and a new scale. If the problem leaves the weights
+/// empty, the fit is least squares. The fit knows no geometry; the problem supplies it:
 ///
-///   using State = …;                                   a value: what is estimated
+///   using State = …;                                   the estimated value
 ///   State moved(const State&, const Step&) const;      the state after a step, whose entries are
 ///                                                      of the order of 1
 ///   void linearise(const State&, RobustWeights&, NormalEquations&);
@@ -65,12 +66,12 @@ class RobustFit {
  public:
   using State = typename Problem::State;
 
-  /// The weights: reset them before a fit; after minimise() they are those of the state found.
+  /// The weights; reset them before a fit. After minimise() they belong to the fitted state.
   RobustWeights& weights() { return weights_; }
   const RobustWeights& weights() const { return weights_; }
   const NormalEquations& sums() const { return sums_; }
 
-  /// One step without damping, with the scale that was set. False if it is not determined.
+  /// Takes one undamped step at the current scale. Returns false if the step is not determined.
   bool step(Problem& problem, const FitRules& rules, State& state) {
     problem.linearise(state, weights_, sums_);
     if (!findStep(sums_, 0.0, rules, step_)) return false;
@@ -78,10 +79,10 @@ class RobustFit {
     return true;
   }
 
-  /// Fits `state`, starting from the scale that was set.
+  /// Fits `state`, starting with the current scale.
   FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
-    constexpr double kLeastDamping = 1e-4;  // after a step that did not help
-    constexpr double kMostDamping = 1e12;   // no step, however short, makes the errors smaller
+    constexpr double kLeastDamping = 1e-4;  // after a step that did not reduce the cost
+    constexpr double kMostDamping = 1e12;   // beyond it, no step reduces the cost
     problem.linearise(state, weights_, sums_);
     double damping = rules.first_damping;
     for (int i = 0; i < rules.most_steps; ++i) {
@@ -115,8 +116,8 @@ class RobustFit {
   Step step_;
 };
 
-/// linearise() for plain least squares. `residual` has the covariance I; `jacobian`: its derivative
-/// by the step.
+/// linearise() for plain least squares. `residual` has the covariance I; `jacobian`: derivative of
+/// the residual with respect to the step.
 void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
                      NormalEquations& sums);
 
@@ -146,7 +147,7 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // Along e the derivative of t e is t (2q - 1), across it t, with q = t f / (f + kResiduals).
+    // The derivative of t e is t (2q - 1) along e and t across e, with q = t f / (f + kResiduals).
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

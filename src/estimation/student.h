@@ -11,8 +11,8 @@ namespace ktgp_orb::estimation {
 inline constexpr double kStudentFreedom = 4.0;
 
 /// The weight of a measurement in the maximum likelihood for Student's t distribution (Lange,
-/// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²). `dimensions` d: 1 / weight is the
-/// factor of the variance relative to a measurement with square = d scale².
+/// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²) with d = `dimensions`. It is 1 if
+/// square = d scale². 1 / weight is the variance relative to a measurement with this square.
 template <typename Value>
 Value studentWeight(const Value& square, double scale2, double dimensions) {
   return (kStudentFreedom + dimensions) * scale2 / (kStudentFreedom * scale2 + square);
@@ -24,10 +24,10 @@ class RobustWeights {
  public:
   static constexpr std::size_t kLanes = 2;
 
-  /// Begins a fit of `parameters` to n measurements of d residuals, all with the factor 1.
+  /// Begins a fit of `parameters` parameters to n measurements of d residuals, all with factor 1.
   void reset(std::size_t n, int dimensions, std::size_t parameters);
-  /// The weights become t c with these factors c (n, mean 1), t that of Student's distribution.
-  /// `equal`: number of measurements with equal factors that give the same variance.
+  /// Sets the factors c (n entries, mean 1) that multiply the weights t of Student's distribution.
+  /// `equal`: see equalMeasurements().
   void setFactors(const std::vector<double>& factors, double equal);
 
   std::size_t size() const { return size_; }
@@ -41,15 +41,15 @@ class RobustWeights {
 
   double scale() const { return std::sqrt(scale2); }
   void setScale(double scale) { scale2 = scale * scale; }
-  /// Maximum likelihood of the scale for the given errors, by expectation maximisation. Dividing by
-  /// the sum of the weights converges faster (Kent, Tyler & Vardi 1994). The fit made the errors
-  /// smaller, for few measurements much smaller: `freedom` corrects that.
+  /// Estimates the scale from the current errors by maximum likelihood, with expectation
+  /// maximisation. Dividing by the sum of the weights converges faster (Kent, Tyler & Vardi 1994).
+  /// A fit makes the errors smaller, with few measurements much smaller; freedom() corrects this.
   void estimateScale(double least);
 
   // Written by the problem, one entry for each measurement.
   std::vector<double> squared;  ///< e²
   std::vector<double> weight;   ///< w = t c at the newest state
-  std::vector<double> former;   ///< w at the state before
+  std::vector<double> former;   ///< w at the previous state
   std::vector<double> factor;   ///< c
   double scale2 = 0.0;          ///< squared scale of a residual
 

@@ -7,7 +7,7 @@
 
 namespace ktgp_orb::files {
 
-/// The columns of a homography.
+/// Names of the columns for a homography.
 constexpr const char* kHomographyColumns = "h00,h01,h02,h10,h11,h12,h20,h21,h22";
 
 /// A row of a table as text (RFC 4180): a field with a comma, a quote or a line break is in quotes.
@@ -19,19 +19,19 @@ class CsvRow {
   CsvRow& add(Integer number) {
     return addField(std::to_string(number));
   }
-  /// Nine fields, row by row, without any rounding.
+  /// Adds the nine elements row by row, without any rounding.
   CsvRow& add(const Eigen::Matrix3d& matrix);
-  /// Empty fields.
+  /// Adds empty fields.
   CsvRow& skip(std::size_t fields);
 
-  /// The row with the end of the line.
+  /// The row with a line break at the end.
   std::string line() const { return text_ + '\n'; }
 
  private:
   CsvRow& addField(const std::string& field);
 
   std::string text_;
-  bool empty_ = true;  // no field yet
+  bool empty_ = true;  // there is no field yet
 };
 
 }  // namespace ktgp_orb::files

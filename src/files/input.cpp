@@ -18,7 +18,7 @@
 namespace ktgp_orb::files {
 namespace {
 
-/// Up to `most` bytes of the beginning.
+/// The first `most` bytes of a file, or all bytes of a shorter file.
 std::string firstBytes(const std::string& file, std::size_t most) {
   std::ifstream in(file, std::ios::binary);
   std::string bytes(most, '\0');
@@ -27,10 +27,10 @@ std::string firstBytes(const std::string& file, std::size_t most) {
   return bytes;
 }
 
-/// Whether a picture in a file ends too early.
+/// Whether the file is a JPEG or PNG that ends too early.
 bool isCutOffFile(const std::string& file) {
   const std::string begin = firstBytes(file, 8);
-  if (!isCutOff(begin)) return false;  // neither a JPEG nor a PNG
+  if (!isCutOff(begin)) return false;  // the file is neither a JPEG nor a PNG
   std::ifstream in(file, std::ios::binary);
   return isCutOff(std::string(std::istreambuf_iterator<char>(in), {}));
 }
@@ -42,7 +42,7 @@ constexpr char kJpegXl[] = "is a JPEG XL picture; convert it to PNG, for example
 constexpr char kCameraRaw[] = "is a raw picture of a camera; develop it as PNG or TIFF";
 constexpr char kRos2[] = "is a recording of ROS 2; convert it to a bag with rosbags-convert";
 
-/// A format with these `bytes` from byte `at` on.
+/// A format that is recognised by `bytes` from byte `at` of the file on.
 struct KnownFormat {
   std::size_t at;
   std::string_view bytes;
@@ -74,19 +74,19 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
-/// False for pictures that have no opacity; reading a picture twice takes time.
+/// False if the picture has no opacity for sure, which saves reading it a second time.
 bool mayBeTransparent(const std::string& file) {
-  constexpr std::size_t kSearched = 4096;  // bytes; a palette has its opacity before the pixels
+  constexpr std::size_t kSearched = 4096;  // bytes; the opacity of a palette precedes the pixels
   const std::string begin = firstBytes(file, kSearched);
   if (begin.compare(0, 3, "\xFF\xD8\xFF") == 0) return false;
   if (begin.compare(1, 3, "PNG") != 0) return true;
-  constexpr std::size_t kKind = 25;  // byte with the kind of the pixels
+  constexpr std::size_t kKind = 25;  // byte with the colour type
   constexpr int kOpacity = 4;
   return begin.size() > kKind &&
          ((begin[kKind] & kOpacity) != 0 || begin.find("tRNS") != std::string::npos);
 }
 
-/// Grey values under transparent pixels are not part of the picture.
+/// Replaces the grey values under transparent pixels, which are not part of the picture.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
   cv::Mat opacity;
@@ -101,7 +101,7 @@ void hideTransparent(const std::string& file, cv::Mat& picture) {
   util::fillHidden(visible, picture);
 }
 
-/// 8 or 16 bits a channel.
+/// Whether the picture has 8 or 16 bits per channel.
 bool isUsual(const cv::Mat& picture) {
   return picture.depth() == CV_8U || picture.depth() == CV_16U;
 }
@@ -144,7 +144,7 @@ cv::Mat readPicture(const std::string& file, int flags) {
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);
-    // Some pictures of floats cannot be converted, and are named below.
+    // OpenCV cannot convert some pictures of floats; the check of the depth below refuses them.
     if (picture.empty()) {
       const cv::Mat as_it_is = cv::imread(file, cv::IMREAD_UNCHANGED);
       if (!isUsual(as_it_is)) picture = as_it_is;

@@ -7,8 +7,7 @@
 
 namespace ktgp_orb::files {
 
-/// A file that cannot be read, parsed or written. The message begins with its name, as far as that
-/// can be printed.
+/// A file that cannot be read, parsed or written. The message begins with the printable file name.
 class FileError : public std::runtime_error {
  public:
   FileError(const std::string& file, const std::string& what);
@@ -18,26 +17,26 @@ class FileError : public std::runtime_error {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// Kind of a file that the libraries here cannot read, by its first bytes, and the remedy: "is a
-/// HEIC picture; convert it ...". Empty if that is not known.
+/// The kind of a file that the libraries here cannot read, judged by its first bytes, and the
+/// remedy: "is a HEIC picture; convert it ...". Empty if the kind is unknown.
 std::string unreadableFormat(const std::string& file);
 
-/// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that
+/// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. Every picture that
 /// this package reads passes through here. Throws FileError, also for a JPEG or PNG without its
-/// end, and for other depths (float, 32 bits), whose black and white nobody knows. What is hidden
-/// under transparent pixels is replaced by a smooth continuation of the rest, unless `flags` are
+/// end, and for other depths (float, 32 bits), since their values of black and white are unknown.
+/// Transparent pixels get a smooth continuation of the visible ones, unless `flags` is
 /// cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
-/// Reads a picture as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
+/// Reads a picture as 8-bit grey; 16-bit pictures are stretched to 8 bits as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
-/// Reads a picture to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
+/// Reads a picture for drawing on it: BGR if the file has 8-bit colours, else 8-bit grey.
 cv::Mat readForView(const std::string& file);
 
-/// A homography as text: nine numbers, row by row, separated by white space (the format of the
-/// Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers that
-/// form an invertible matrix. The file may be a pipe.
+/// Reads a homography from text: nine numbers, row by row, separated by white space (the format of
+/// the Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers
+/// that form an invertible matrix. The file may be a pipe.
 Eigen::Matrix3d readHomography(const std::string& file);
 
 }  // namespace ktgp_orb::files

@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The path with all links followed, also dangling ones.
+/// The path with all symbolic links resolved, also dangling ones.
 fs::path resolved(const std::string& path) {
   std::error_code error;
   fs::path target = fs::absolute(path, error);
@@ -41,7 +41,7 @@ bool isSameFile(const std::string& a, const std::string& b) {
          (fs::exists(a, none) && fs::exists(b, none) && fs::equivalent(a, b, none));
 }
 
-/// ".png" of "Map.PNG"
+/// The ending of the file name in lower case, for example ".png" of "Map.PNG".
 std::string endingOf(const std::string& path) {
   std::string ending = fs::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
@@ -53,17 +53,17 @@ bool isSameNode(const struct stat& a, const struct stat& b) {
   return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
-/// Creates a file, or empties one that no program has locked, and locks it. -1 where neither can be
-/// done; errno is EEXIST where the name is in use, also by a link or another file that is not ours.
+/// Creates and locks a file, or locks and empties an existing file that no program has locked.
+/// Returns -1 on failure; errno is EEXIST if the name is in use, even by a link or another's file.
 int lockedFile(const std::string& name) {
   int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   const bool is_new = file >= 0;
   if (!is_new && errno != EEXIST) return -1;
   if (!is_new) file = open(name.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  // On a file system without locks only a new file is ours.
+  // On a file system without locks, only a file that we just created is ours.
   const bool is_locked =
       file >= 0 && (flock(file, LOCK_EX | LOCK_NB) == 0 || (is_new && errno != EWOULDBLOCK));
-  // Another process may have renamed or removed it before we got the lock.
+  // Another process may have renamed or removed the file before we got the lock.
   struct stat opened, named;
   const bool is_ours = is_locked && fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 &&
                        isSameNode(opened, named) && S_ISREG(opened.st_mode) &&
@@ -74,18 +74,18 @@ int lockedFile(const std::string& name) {
   return -1;
 }
 
-/// Renames atomically, only if the new name does not exist. Sets errno otherwise.
+/// Renames a file atomically, but only if the new name does not exist. Sets errno on failure.
 bool renameToNew(const char* from, const char* to) {
   constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc defines
   if (syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, kNoReplace) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
-  // File systems without it, such as NFS, can link.
+  // File systems without RENAME_NOREPLACE, such as NFS, can create hard links.
   if (link(from, to) != 0) return false;
   unlink(from);
   return true;
 }
 
-/// A temporary name beside the file, with its ending, which selects some formats.
+/// A temporary name beside the file. It keeps the ending, since that selects some formats.
 std::string unfinishedName(const fs::path& target, int number) {
   const std::string name =
       target.stem().string() + ".unfinished" + std::to_string(number) + target.extension().string();
@@ -94,8 +94,8 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// The temporary name that the file still has beside its own since a program was killed; empty:
-/// there is none, or the program is at work.
+/// The temporary name that a killed program left as a second name of the file. Empty if there is
+/// none, or if the program is still running.
 std::string leftName(const std::string& target) {
   struct stat file, other;
   if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
@@ -115,7 +115,7 @@ std::string leftName(const std::string& target) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
 
-/// Sets errno where the bytes cannot be brought to the disk.
+/// Flushes a file or folder to the disk; returns false and sets errno if that fails.
 bool synchronised(const std::string& path, int flags) {
   const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) return false;
@@ -138,7 +138,7 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    if (value == output) own = 1;  // a name that the program chose is in no option
+    if (value == output) own = 1;  // stays 0 if the program chose the name itself
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
   }
@@ -211,8 +211,8 @@ OutputFile::~OutputFile() {
   if (lock_ >= 0) close(lock_);
 }
 
-/// Gives the file its name in addition to the temporary one, which stays until all files of the run
-/// have theirs. Renames it where a file is replaced, or the file system has no links.
+/// Gives the file its final name as a second link; the temporary name stays until all files of the
+/// run have their final names. Renames the file if it replaces another one or linking fails.
 void OutputFile::place() {
   if (link(unfinished_.c_str(), target_.c_str()) == 0) {
     is_placed_ = true;
@@ -243,7 +243,7 @@ void OutputFile::finish() {
   synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
 }
 
-// Without the first fsync, the name could survive a power cut and the contents not.
+// Without the first fsync, a power cut could leave the name but not the contents.
 void OutputFile::commit(const std::vector<OutputFile*>& files) {
   for (const OutputFile* file : files) {
     if (!synchronised(file->unfinished_, O_RDONLY)) fail(file->path_);
@@ -254,7 +254,7 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // The last file first: once it has only its final name, the run is done.
+  // Remove the temporary name of the last file first: once that is gone, the run is done.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

@@ -16,7 +16,7 @@ bool beginsWith(std::string_view bytes, std::string_view start) {
   return bytes.substr(0, start.size()) == start;
 }
 
-/// Zero beyond the end.
+/// Reads a number of `size` bytes; bytes beyond the end count as zero.
 std::size_t numberAt(std::size_t position, std::size_t size, std::string_view bytes,
                      bool little_endian = false) {
   std::size_t number = 0;
@@ -27,15 +27,15 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
   return number;
 }
 
-/// A JPEG consists of segments (a marker, a length that counts itself, data) with compressed pixels
-/// between them, where FF is followed by 0 or by the number of a restart. A preview is in a
-/// segment. Returns where the first segment that `wanted` takes begins, after its marker; 0: none.
+/// Returns the position after the marker of the first segment that `wanted` accepts; 0 if there is
+/// none. A JPEG consists of segments (a marker, a length that counts itself, data) with compressed
+/// pixels between them, in which 0 or a restart number follows FF. A preview is inside a segment.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;
   while ((position = bytes.find('\xFF', position)) != std::string_view::npos) {
     const std::size_t marker = numberAt(++position, 1, bytes);
-    if (marker == 0xFF) continue;  // padding
+    if (marker == 0xFF) continue;  // a padding byte
     ++position;
     if (wanted(marker)) return position;
     const bool is_alone = marker <= 1 || (marker >= 0xD0 && marker <= 0xD7);
@@ -44,7 +44,7 @@ std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   return 0;
 }
 
-/// A PNG consists of chunks: length, name, data, checksum.
+/// Whether a PNG has its end chunk. A PNG consists of chunks: length, name, data, checksum.
 bool pngEnds(std::string_view bytes) {
   std::size_t position = kPng.size();
   while (position + 8 <= bytes.size()) {
@@ -71,7 +71,7 @@ std::optional<double> ofJpeg(std::string_view bytes) {
 std::optional<double> ofBmp(std::string_view bytes) {
   const bool is_old = numberAt(14, 4, bytes, true) == 12;
   if (is_old) return megapixels(numberAt(18, 2, bytes, true), numberAt(20, 2, bytes, true));
-  const auto side = [&](std::size_t at) {  // a negative height: rows from the top down
+  const auto side = [&](std::size_t at) {  // heights of top-down pictures are negative
     const auto number = static_cast<std::int32_t>(numberAt(at, 4, bytes, true));
     return static_cast<std::size_t>(std::abs(static_cast<std::int64_t>(number)));
   };

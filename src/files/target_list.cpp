@@ -53,7 +53,7 @@ std::vector<TargetEntry> readFolder(const std::string& path) {
   return entries;
 }
 
-/// Throws std::invalid_argument with the key and what is expected.
+/// The value of a YAML node. Throws std::invalid_argument with the key and the expected kind.
 template <typename Value>
 Value valueOf(const std::string& key, const YAML::Node& node, const char* expected) {
   try {

@@ -8,21 +8,21 @@
 
 namespace ktgp_orb {
 
-/// A target of a list: as Target, with files instead of images.
+/// An entry of a target list: like Target, but with files instead of images.
 struct TargetEntry {
   std::string id;
   std::vector<std::string> files;
   double width = 0.0;  ///< m; 0: not known
   std::string frame;
-  std::string place;  ///< where the entry is: the list and its line, or the file of a folder
+  std::string place;  ///< origin of the entry: the list and its line, or the file of a folder
 };
 
-/// A folder of images, one for each target (its name without the ending is the id), or a YAML list:
+/// Reads a folder with one image per target (the file name without its ending is the id), or a YAML
+/// list:
 ///   - {id: door, image: door.png, width: 0.8, frame: door}
 ///   - {id: map, images: [day.jpg, night.jpg]}
-/// Names of files are relative to the list; those of the entries are absolute. Ordered by id
-/// (folder) or as in the list. Throws std::invalid_argument, beginning with `path`, with the
-/// reason.
+/// File names in the list are relative to the list; the returned entries have absolute names. A
+/// folder is sorted by id. Throws std::invalid_argument with `path` and the reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
 /// The entries as a YAML list.

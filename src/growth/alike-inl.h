@@ -1,5 +1,5 @@
-// The inner loop of LocalMatcher. No include guard: dispatch.cpp includes this once for each
-// instruction set.
+// The inner loop of LocalMatcher. It has no include guard, because dispatch.cpp includes it once
+// for each instruction set.
 #include <hwy/highway.h>
 
 #include "growth/alike_kernel.h"
@@ -11,7 +11,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A run has few keypoints: lanes past the end are masked out.
+// A run has few keypoints, so lanes past its end are masked out.
 std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
                       std::uint32_t end, const LocalFrame& predicted, float squared_radius,
                       std::uint32_t* alike, bool& is_near) {

@@ -40,8 +40,8 @@ struct Standing {
   bool is_rivalled = false;
 };
 
-/// Whether keypoints have their nearest neighbours at the places of `map`: ORB's descriptors
-/// tolerate a change of scale, and a tilt, of a factor of about two.
+/// Whether nearest neighbours can be at the places that `map` predicts: ORB's descriptors tolerate
+/// a change of scale, and a tilt, of a factor of about two.
 bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
   constexpr double kMost = 2.0;
   const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
@@ -97,9 +97,9 @@ struct HomographyGrowth::Impl {
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::HomographyVerdict whole_view;
-  ProsacResult labelled;     // with the pairs of the growth
+  ProsacResult labelled;     // labels of the pairs of the growth
   cv::Size image_size;       // size of the reference
-  std::size_t own_size = 0;  // number of its own keypoints, without those of its views
+  std::size_t own_size = 0;  // number of keypoints of the reference, without its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
@@ -110,7 +110,7 @@ struct HomographyGrowth::Impl {
   std::size_t grown_count = 0;
   std::size_t start_place = 0;       // index of the start in `grown`; past the end if there is none
   std::vector<std::size_t> order;    // order of `grown`, the best first
-  std::vector<cv::Point2f> repeats;  // repeats of one map
+  std::vector<cv::Point2f> repeats;  // repetitions of the map that is grown again
   growth::ShiftVotes shifts;
   std::vector<growth::ShiftVotes::Peak> peaks;
   PointPairs mutual;  // mutual nearest neighbours of the two images, without the views
@@ -154,7 +154,7 @@ void HomographyGrowth::Impl::collectSeeds() {
   });
 }
 
-/// Reference to target, from the seed and its voters.
+/// First guess of the map from reference to target, from the seed and its voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
   constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
   const View& view = views[static_cast<std::size_t>(seed.view)];
@@ -178,7 +178,7 @@ Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
          to_view;
 }
 
-/// In px of the reference.
+/// Position of the seed, px of the reference.
 Eigen::Vector2d HomographyGrowth::Impl::placeOf(const Seed& seed) const {
   const View& view = views[static_cast<std::size_t>(seed.view)];
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
@@ -231,7 +231,7 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   stands = {true, shifts.own().share(), shifts.isRivalled()};
 }
 
-/// The most significant hypothesis first.
+/// Sorts the hypotheses, the most significant first.
 void HomographyGrowth::Impl::sortGrown() {
   order.resize(grown_count);
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -242,7 +242,7 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Grows the best one again from positions that look alike, until none of these is better.
+/// Grows the best hypothesis again from shifts that look alike, until no result is better.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -250,7 +250,7 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
     Grown& best = grown[order.front()];
     if (!growth::isAccepted(best) || std::exchange(best.grew_from_repeats, true)) return;
     const Eigen::Vector2d middle = growth::middleOf(best.pairs.reference);
-    const Eigen::Matrix3d map = best.map;  // tryFrom may move the buffers
+    const Eigen::Matrix3d map = best.map;  // a copy: tryFrom may move the buffers
     repeats = best.repeats;
     for (const cv::Point2f& shift : repeats) {
       Eigen::Matrix3d shifted = map;
@@ -261,13 +261,13 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
-/// Grows the best one again from the shifts of it that nearest neighbours in the whole image vote
-/// for: a wrong place has as many matches as the right one, or more, if the overlap is larger.
+/// Grows the best hypothesis again from the shifts that nearest neighbours in the whole image vote
+/// for. A wrong shift has as many matches as the right shift, or more if its overlap is larger.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
   if (order.empty() || !standing[order.front()].is_rivalled) return;
-  const Eigen::Matrix3d map = grown[order.front()].map;  // tryFrom may move the buffers
+  const Eigen::Matrix3d map = grown[order.front()].map;  // a copy: tryFrom may move the buffers
   shifts.count(map, mutual, matcher.imageSize());
   peaks = shifts.others();
   std::sort(peaks.begin(), peaks.end(), [](const auto& a, const auto& b) {
@@ -281,8 +281,8 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   }
 }
 
-/// Whether `other` could be right instead of `one`: it sees the same elsewhere, and has at least
-/// half the share of the nearest neighbours in the whole image where these tell.
+/// Whether `other` could be right instead of `one`: it contradicts `one` and, if both shares of
+/// nearest neighbours are known, has more than half the share of `one`.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
   const bool tells = standing[other].is_known && standing[one].is_known;
@@ -290,9 +290,9 @@ bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
          growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered);
 }
 
-/// Chooses the best hypothesis, unless chance explains it, or one that contradicts it is nearly as
-/// good. The start was also found in another way: it is the answer if no other hypothesis has more
-/// matches and chance explains it less than once in 10^4 searches.
+/// Chooses the best hypothesis, unless chance explains it or a contradicting hypothesis is nearly
+/// as good. The start was also found in another way. So it is the answer if the best hypothesis has
+/// no more matches and chance explains the start less than once in 10^4 searches.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();
@@ -318,8 +318,8 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   }
 }
 
-/// The homography of maximum likelihood and its pairs. False, without a result, if it is not a view
-/// of the whole reference.
+/// Stores the homography of maximum likelihood and its pairs. Returns false, without a result, if
+/// the fit fails or the verdict does not trust the homography.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   result.pairs = chosen.pairs;
   UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
@@ -332,7 +332,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
+  const auto own = static_cast<std::int32_t>(own_size);  // keypoints of views have higher numbers
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;
     result.matches.push_back(

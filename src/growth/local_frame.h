@@ -20,8 +20,8 @@ inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
           std::log(std::max(keypoint.size, 1e-3F))};
 }
 
-/// The frame at position `to` after a map with the derivative `jacobian`, which scales areas by
-/// exp(2 `log_scale`).
+/// The frame after a map with the derivative `jacobian` that moves it to `to`. The map scales areas
+/// by exp(2 `log_scale`).
 inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
                          const Eigen::Matrix2f& jacobian, float log_scale) {
   const Eigen::Vector2f d = jacobian * Eigen::Vector2f(frame.dx, frame.dy);
@@ -30,7 +30,7 @@ inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
   return {to.x(), to.y(), d.x() * per_length, d.y() * per_length, frame.log_size + log_scale};
 }
 
-/// 256 bits.
+/// A descriptor of 256 bits.
 using Bits = std::array<std::uint64_t, 4>;
 
 inline Bits bitsOf(const Features& features, std::size_t index) {
@@ -48,7 +48,7 @@ inline int countBits(std::uint32_t v) {
 
 /// Hamming distance, using only instructions that every processor has.
 inline int distance(const Bits& a, const Bits& b) {
-  std::uint64_t bytes = 0;  // each byte counts at most four times eight
+  std::uint64_t bytes = 0;  // each byte sums four counts of at most 8
   for (std::size_t i = 0; i < a.size(); ++i) {
     std::uint64_t v = a[i] ^ b[i];
     v -= (v >> 1) & 0x5555555555555555U;

@@ -26,7 +26,7 @@ std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t beg
 
 constexpr std::int64_t kNoKey = std::numeric_limits<std::int64_t>::max();
 
-/// The smaller key is nearer; for equal distances the lower number.
+/// The smaller key belongs to the nearer keypoint or, at equal distances, to the lower number.
 std::int64_t key(int distance, std::int32_t number) {
   return (static_cast<std::int64_t>(distance) << 32) | number;
 }
@@ -62,8 +62,8 @@ void LocalMatcher::setTarget(const Features& target) {
   alike_.resize(target.size());
 }
 
-/// The key of the nearest of the first `count` alike_ keypoints, and its place; kNoKey: none is
-/// near enough. `index`, `bits`: of the reference.
+/// The key of the nearest of the first `count` alike_ keypoints, and its place in frames_; kNoKey
+/// if none is near enough. `index`, `bits`: number and descriptor of the reference keypoint.
 std::int64_t LocalMatcher::nearest(std::int32_t index, const Bits& bits, std::size_t count,
                                    std::uint32_t& place) {
   std::int64_t best = kNoKey;

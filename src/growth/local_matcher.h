@@ -13,7 +13,7 @@
 
 namespace ktgp_orb::growth {
 
-/// A keypoint of the reference as predicted in the target by a map.
+/// A keypoint of the reference, mapped into the target.
 struct Prediction {
   LocalFrame frame;
   std::int32_t reference;
@@ -22,22 +22,22 @@ struct Prediction {
 struct LocalMatch {
   std::int32_t reference;
   std::int32_t target;
-  std::int32_t distance;  ///< Hamming
+  std::int32_t distance;  ///< Hamming distance
   float squared_error;    ///< px², from the predicted position
 };
 
-/// Searches the keypoints of the reference near their predicted positions, with the predicted
-/// direction and size. Keeps its buffers.
+/// Matches keypoints of the reference to target keypoints near their predicted positions, with the
+/// predicted direction and size. Keeps its buffers.
 class LocalMatcher {
  public:
   static constexpr int kMaxDistance = 80;
 
   void setTarget(const Features& target);
 
-  /// The mutual nearest pairs within `radius` px of the predicted positions moved by `shift`, with
-  /// a rotation of less than 0.6 rad, a size ratio of less than 1.8, and a Hamming distance of at
-  /// most kMaxDistance; for equal distances the lower index. In the order of the predictions.
-  /// Returns the number of predictions with any keypoint within the radius.
+  /// Finds the mutual nearest pairs within `radius` px of the predicted positions moved by `shift`,
+  /// with a rotation of less than 0.6 rad, a size ratio of less than 1.8, and a Hamming distance of
+  /// at most kMaxDistance. At equal distances the lower index wins. Matches are in the order of the
+  /// predictions. Returns the number of predictions with any keypoint within the radius.
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
@@ -55,7 +55,7 @@ class LocalMatcher {
     });
   }
 
-  /// Pairs of the last match() that passed all these tests, mutual or not.
+  /// Number of pairs of the last match() that passed the tests above, mutual or not.
   std::size_t candidates() const { return candidates_; }
 
   const LocalFrame& frame(std::int32_t target) const {
@@ -73,12 +73,12 @@ class LocalMatcher {
   const AlikeKernel* kernel_ = &bestAlikeKernel();
   util::CellGrid cells_;
   cv::Size image_size_;
-  // Cell by cell.
+  // Frames, columns and bits are sorted cell by cell.
   std::vector<LocalFrame> frames_;
   std::vector<float> columns_;  // `frames_` by columns, for the kernel: x of all, y of all ...
-  std::size_t pitch_ = 0;       // distance of two columns, elements
+  std::size_t pitch_ = 0;       // from one column to the next, elements
   std::vector<Bits> bits_;
-  std::vector<std::uint32_t> position_;       // column of each keypoint
+  std::vector<std::uint32_t> position_;       // place of each keypoint in `frames_`
   std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;

@@ -33,15 +33,15 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Adds the equation `row` h = `value` to the normal equations. Column by column, since the
-/// products of Eigen for these sizes take long to compile.
+/// Adds the equation `row` h = `value` to the normal equations. It works column by column, since
+/// products in Eigen of these sizes take long to compile.
 void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8& products) {
   const Vector8 weighted = weight * row;
   for (int i = 0; i < 8; ++i) sums.col(i) += row[i] * weighted;
   products += value * weighted;
 }
 
-/// Whether the map does not mirror, and all places are on the near side of the horizon.
+/// Whether the map does not mirror, and all places are on the visible side of the horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const Eigen::Vector2d& place) {
@@ -59,7 +59,7 @@ Eigen::Vector2d middleOf(const Places& places) {
 }
 
 bool fitAffine(const Places& reference, const Places& target, double scale, Eigen::Matrix3d& map) {
-  constexpr double kTooFlat = 1e-3;  // smallest pivot of the points' second moments
+  constexpr double kTooFlat = 1e-3;  // lower limit for pivots of the points' second moments
   const Normalisation from = scalingOf(reference);
   Eigen::Matrix3d sums = Eigen::Matrix3d::Zero();
   Eigen::Matrix<double, 3, 2> products = Eigen::Matrix<double, 3, 2>::Zero();
@@ -81,14 +81,13 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map) {
-  constexpr double kTooFlat = 1e-4;  // smallest pivot
+  constexpr double kTooFlat = 1e-4;  // lower limit for pivots
   const Normalisation from = scalingOf(reference);
   const Normalisation to = scalingOf(target);
   Matrix8 sums = Matrix8::Zero();
   Vector8 products = Vector8::Zero();
   for (std::size_t i = 0; i < reference.size(); ++i) {
-    // Divided by the third coordinate under the previous map, the algebraic error is the geometric
-    // one.
+    // Dividing by the third coordinate under the previous map makes the algebraic error geometric.
     const double depth =
         map.row(2).dot(reference[i].homogeneous()) / map.row(2).dot(from.centre.homogeneous());
     const double weight =

@@ -5,20 +5,20 @@
 
 namespace ktgp_orb::growth {
 
-/// Positions of one image, px; those of the other one are in the same order.
+/// Positions in one image, px; the positions in the other image are in the same order.
 using Places = std::vector<Eigen::Vector2d>;
 
 Eigen::Vector2d middleOf(const Places& places);
 
-/// Weighted least squares, with weights 1 / (1 + (e/scale)²) from the errors e of the given map,
-/// px; accurate enough to find the next matches. False, with `map` unchanged, if the pairs do not
-/// determine a map, or not one that keeps all of them in front of the camera.
+/// Fits a map by weighted least squares, with weights 1 / (1 + (e/scale)²) from the errors e of the
+/// given map, px. The result is accurate enough to find the next matches. Returns false, with `map`
+/// unchanged, if the pairs do not determine a map that keeps them in front of the camera.
 bool fitAffine(const Places& reference, const Places& target, double scale, Eigen::Matrix3d& map);
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map);
 
 /// The affine map that takes `from` to `to` and is nearest to all pairs and to the linear map
-/// `prior`; the latter has the weight of a pair `reach` px away in each direction. So two or three
+/// `prior`. The prior has the weight of a pair `reach` px away in each direction, so two or three
 /// pairs are enough, even on a line.
 Eigen::Matrix3d fitAffineNear(const Places& reference, const Places& target,
                               const Eigen::Vector2d& from, const Eigen::Vector2d& to,

@@ -14,7 +14,7 @@ namespace {
 /// Ratio of the axes of the ellipse that a circle is mapped to.
 double squeezeOf(const Eigen::Matrix2d& linear) {
   const double det = std::abs(linear.determinant());
-  const double half = 0.5 * linear.squaredNorm();  // (a² + b²) / 2, and det = a b
+  const double half = 0.5 * linear.squaredNorm();  // (a² + b²) / 2 with the axes a and b; det = a b
   if (!(det > 0.0)) return std::numeric_limits<double>::infinity();
   return (half + std::sqrt(std::max(half * half - det * det, 0.0))) / det;
 }
@@ -55,7 +55,7 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {
   constexpr double kSqueeze = 1.8;
   constexpr double kMaxSqueeze = 4.0;  // relative to the nearest view
-  constexpr double kMaxArea = 64.0;    // scaled by eight
+  constexpr double kMaxArea = 64.0;    // a scale of eight
   const double area = jacobian.determinant();
   if (!(area > 1.0 / kMaxArea && area < kMaxArea)) return false;
   squeeze_.clear();

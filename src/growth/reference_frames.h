@@ -18,26 +18,26 @@ class ReferenceFrames {
   /// `views`: may be null.
   void set(const Features& reference, const ReferenceViews* views);
 
-  /// The keypoints within `reach` px of `centre`, mapped by `map`, reference to target. Only those
-  /// of the views that look like the target around the centre: the map from the view has little
-  /// tilt, so that descriptors and directions can agree. Without those more than `kMargin` px
-  /// outside the target. False, without keypoints, if the map around the centre is not the view of
-  /// a plane with a tilt that descriptors tolerate.
+  /// Predicts the keypoints within `reach` px of `centre` by `map`, reference to target. Uses only
+  /// the views that look like the target around the centre: descriptors and directions can agree
+  /// only if the map from the view has little tilt. Leaves out keypoints more than `kMargin` px
+  /// outside the target. Returns false, without predictions, if the map around the centre mirrors,
+  /// or has a tilt or scale that descriptors do not tolerate.
   bool predict(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
                const cv::Size& target, std::vector<Prediction>& predictions);
   static constexpr float kMargin = 50.F;
 
   const std::vector<LocalFrame>& frames() const { return frames_; }
   const std::vector<Bits>& bits() const { return bits_; }
-  /// px of the reference to px of the view of that keypoint, without the shift.
+  /// Linear part of the map from the reference to the view of that keypoint.
   const Eigen::Matrix2f& toView(std::size_t keypoint) const {
     return views_[view_of_[keypoint]].to_view;
   }
 
  private:
   struct View {
-    std::size_t begin, end;     // range of its keypoints
-    Eigen::Matrix2d from_view;  // px of the view to px of the reference, without the shift
+    std::size_t begin, end;     // range of the view's keypoints
+    Eigen::Matrix2d from_view;  // linear part of the map from the view to the reference
     Eigen::Matrix2f to_view;    // inverse of from_view
   };
 
@@ -45,7 +45,7 @@ class ReferenceFrames {
   bool chooseViews(const Eigen::Matrix2d& jacobian);
 
   std::vector<View> views_;
-  std::vector<double> squeeze_;  // tilt from each view
+  std::vector<double> squeeze_;  // tilt of the map from each view
   std::vector<std::uint8_t> chosen_;
   std::vector<std::uint16_t> view_of_;  // view of each keypoint
   std::vector<LocalFrame> frames_;

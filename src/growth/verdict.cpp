@@ -29,7 +29,7 @@ cv::Point2f shiftOf(int direction, double length) {
           static_cast<float>(length * std::sin(angle))};
 }
 
-/// Cells with matches, beyond the four that any homography has.
+/// Number of cells with matches, beyond the four cells that any homography has.
 double evidence(const Grown& grown) {
   return static_cast<double>(grown.judgement.matched) - 4.0;
 }
@@ -72,7 +72,7 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
     reference_cells_.assign(slots, kEmpty);
     target_cells_.assign(slots, kEmpty);
     double sum = 0.0;
-    int above = -1;  // the nearest first, so that a cell counts its best match
+    int above = -1;  // counted up to this; near first, so a cell counts its best match
     for (const int limit : kDistances) {
       for (const LocalMatch& m : matches) {
         if (m.distance <= above || m.distance > limit) continue;
@@ -126,7 +126,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   return best(own, own_chances, log_tests);
 }
 
-/// The judgement at the level with the largest significance.
+/// Returns the judgement at the most significant level.
 Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
   Judgement judgement;
   judgement.matched = static_cast<std::size_t>(own.back());
@@ -149,7 +149,7 @@ void Verdict::findRepeats(const std::vector<Prediction>& predictions,
   constexpr float kReach = 120.F;   // px
   constexpr float kBin = 6.F;       // px
   constexpr float kOwn = 10.F;      // px; smaller shifts match the homography's own pairs
-  constexpr int kMaxDistance = 64;  // Hamming
+  constexpr int kMaxDistance = 64;  // Hamming distance
   constexpr int kSide = static_cast<int>(2 * kReach / kBin);
   constexpr std::size_t kMost = 16;
   bin_votes_.assign(static_cast<std::size_t>(kSide) * kSide, 0);
@@ -195,21 +195,21 @@ void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::include(const Decoy& decoy) {
-  constexpr double kFewChances = 5.0;  // for fewer, a single match would count too much
+  constexpr double kFewChances = 5.0;  // with fewer, a single match would count too much
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
   }
 }
 
-/// In a repetitive scene a shift may equal one period: a few decoys then have many matches, which
-/// are not due to chance. Their excess over the others is left out here. The homography must still
-/// be well above the best decoy (kAboveLargest).
+/// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
+/// matches that are not due to chance, and their excess over the other decoys is left out here. The
+/// homography must still be well above the best decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
-  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may equal a period
-  constexpr double kBeyond = 2.0;                 // matches that chance may add to the other decoys
+  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys whose shift may be a period
+  constexpr double kBeyond = 2.0;                 // matches; chance explains this excess
   Chance chance{0.0, 1.0};
   std::array<double, kDecoys> counts;
-  // One more than were seen (Laplace's rule): unseen events are still possible.
+  // The sum starts at 1, since events that were not seen are still possible (Laplace's rule).
   double sum = 1.0;
   double all_chances = 1.0;
   for (std::size_t d = 0; d < kDecoys; ++d) {
@@ -222,7 +222,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
     all_chances += decoy.chances;
   }
   chance.rate = sum / all_chances;
-  double squares = 0.0;  // squared excess over the expected number
+  double squares = 0.0;  // sum of squared excess over the expected number
   for (const Decoy& decoy : decoys_) {
     const double expected = chance.rate * std::max(decoy.chances, 1.0);
     const double excess = std::min(decoy.counts[k], most) - expected;
@@ -236,7 +236,7 @@ bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
   constexpr double kDeviations = 2.0;  // deviations of the difference of two counts
   constexpr double kElsewhere = 10.0;  // px of the target
-  constexpr std::size_t kShare = 4;    // a share of one match in this many
+  constexpr std::size_t kShare = 4;    // one match of the rival in this many must contradict
   constexpr double kSide = 32.0;       // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);
   const double both = std::max(evidence(grown) + evidence(rival), 0.0);

@@ -1,4 +1,4 @@
-// Simulated views of a reference: ASIFT's tilts.
+// Simulated views of a reference, with the tilts of ASIFT.
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -31,7 +31,7 @@ struct Placed {
   cv::Size size;
 };
 
-/// The part of `image`, widened by a rim for the interpolation, that is drawn into some columns.
+/// The part of `image` that is drawn into the columns, with a rim for the interpolation.
 cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size& image) {
   constexpr double kRim = 2.0;  // px
   const Eigen::Matrix2d back = placed.map.leftCols<2>().inverse();
@@ -46,7 +46,7 @@ cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size&
   return cv::Rect({first.x(), first.y()}, cv::Point(last.x(), last.y())) & cv::Rect({0, 0}, image);
 }
 
-/// The image moved into its box, part by part, since OpenCV warps at most 32766 rows or columns.
+/// Warps the image into its box, part by part, since OpenCV warps at most 32766 rows or columns.
 cv::Mat drawn(const cv::Mat& image, const Placed& placed) {
   constexpr int kColumns = 4096;
   cv::Mat result(placed.size, image.type(), cv::Scalar(0));
@@ -88,14 +88,14 @@ cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::M
   return blurred;
 }
 
-/// The image rotated by `angle`, blurred along its rows, and compressed along them.
+/// Rotates the image by `turn`, blurs it along its rows and compresses it along them.
 cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double tilt,
                    const Placed& view) {
   const Placed turned_place(turn, image.size());
   cv::Mat blurred;
   cv::GaussianBlur(turn.isIdentity(0.0) ? image : drawn(image, turned_place), blurred,
                    cv::Size(0, 1), blurFor(tilt), 1e-6, cv::BORDER_REPLICATE);
-  // Compressed about the middle.
+  // The middle of the image stays the middle.
   const cv::Size& turned = turned_place.size;
   const cv::Matx23d squeeze(1.0 / tilt, 0.0,
                             0.5 * (view.size.width - 1) - 0.5 * (turned.width - 1) / tilt,  //
@@ -105,9 +105,9 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
   return squeezed;
 }
 
-/// A tape or a panorama, rotated by 45 degrees, would fill a square as long as itself. Its views
-/// are turned until its long side lies along the rows, so that they are hardly larger than the
-/// image; a view may be turned, since descriptors do not depend on it.
+/// A tape or a panorama, rotated by 45 degrees, would fill a square as long as the image. So a view
+/// of a long image is turned until its long side lies along the rows, and is hardly larger than the
+/// image. Views may be turned, since descriptors do not depend on the rotation.
 bool isLong(const cv::Size& size) {
   constexpr int kRatio = 4;  // the square is then more than three times as large as the image
   return std::max(size.width, size.height) > kRatio * std::min(size.width, size.height);
@@ -117,7 +117,7 @@ Eigen::Matrix2d rotation(double angle) {
   return Eigen::Rotation2Dd(angle).toRotationMatrix();
 }
 
-/// A mask of the view: 255 where it shows the image without `border` px at its edges.
+/// Mask of the view: 255 where the view shows the image, without `border` px at the image's edges.
 cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<double, 2, 3>& to_view,
                  const cv::Size& view) {
   cv::Mat mask = cv::Mat::zeros(view, CV_8U);
@@ -134,7 +134,7 @@ cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<doubl
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  // Width of a patch, px.
+  // Width of the patch of a descriptor, px.
   const double margin = 31.0 / std::pow(options.scale_factor, options.first_level);
   const Eigen::Matrix2d turn = rotation(angle);
   Eigen::Matrix2d linear = Eigen::Vector2d(1.0 / tilt, 1.0).asDiagonal() * turn;

@@ -18,7 +18,7 @@ std::size_t cellsAlong(int length) {
   return static_cast<std::size_t>(static_cast<float>(std::max(length, 0)) / kCell) + 1;
 }
 
-/// Cell of a position in an image of that size; the nearest cell if it is outside.
+/// Cell of a position in an image of this `size`; the nearest cell if the position is outside.
 std::uint32_t cellOf(float x, float y, const cv::Size& size) {
   const auto clamped = [](float v, std::size_t count) {
     // This form of the comparison gives NaN a cell, too.

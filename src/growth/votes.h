@@ -10,19 +10,20 @@
 
 namespace ktgp_orb::growth {
 
-/// A match is a similarity: its keypoints give the local rotation and scale. It gets a vote from
-/// each near match with similar rotation and scale at the position that the similarity predicts.
-/// (In Lowe, IJCV 2004, each match votes for a pose of the whole object; here the pose must hold
-/// only nearby, so perspective does no harm.) Votes count once per 8x8 px of either image: a corner
-/// found in several octaves, or a cluster of corners, counts once. Keeps its buffers.
+/// Counts for each match how many others agree. The two keypoints of a match give a local rotation
+/// and scale, and so a similarity transform. The match gets a vote from each near match with
+/// similar rotation and scale at the position that this transform predicts. (In Lowe, IJCV 2004,
+/// each match votes for a pose of the whole object; here the pose must hold only nearby, so
+/// perspective does no harm.) Votes count once per 8x8 px of either image, so a corner found in
+/// several octaves, or a cluster of corners, counts once. Keeps its buffers.
 class Votes {
  public:
   /// Two keypoints that may show the same point.
   struct Similarity {
-    float x, y, u, v;                  ///< their positions, px
+    float x, y, u, v;                  ///< positions of the two keypoints, px
     float cosine, sine;                ///< cosine and sine of the rotation
-    float scale, log_scale;            ///< target over reference
-    std::uint32_t from_cell, to_cell;  ///< where their votes count once; see count()
+    float scale, log_scale;            ///< target over reference, and its logarithm
+    std::uint32_t from_cell, to_cell;  ///< cells in which votes count once
   };
 
   void clear() { pairs_.clear(); }
@@ -45,7 +46,7 @@ class Votes {
 
   util::CellGrid cells_;
   std::vector<Similarity> pairs_;
-  std::vector<std::uint32_t> from_voted_;  // for each cell, the last pair that it voted for, plus 1
+  std::vector<std::uint32_t> from_voted_;  // for each cell, 1 + the last pair that it voted for
   std::vector<std::uint32_t> to_voted_;
   std::vector<std::int32_t> votes_;
 };

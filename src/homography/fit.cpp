@@ -16,7 +16,7 @@ using FloatPoints = PointArrays<float>;
 
 namespace {
 
-/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge one.
+/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge error.
 FloatPoints::Lanes squaredErrors(const FloatPoints& points, const Eigen::Matrix3f& h,
                                  std::size_t first) {
   using Lanes = FloatPoints::Lanes;
@@ -74,8 +74,8 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 }
 
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
-  constexpr std::size_t kEnough = 200;  // best pairs; more pairs would find no better homography
-  constexpr double kScales = 3.0;       // the limit is this many scales of the errors
+  constexpr std::size_t kEnough = 200;  // best pairs; more do not improve the homography
+  constexpr double kScales = 3.0;       // the limit over the scale of the errors
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
@@ -84,9 +84,9 @@ bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
 
 Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corners,
                           const EvidenceOptions& options, Eigen::Matrix3d& homography) {
-  // The refinement also uses pairs just beyond the threshold: the weights separate good pairs from
-  // bad ones better than the threshold.
-  constexpr double kReach = 2.0;  // thresholds
+  // The refinement also uses pairs just beyond the threshold, because the weights separate good
+  // pairs from bad ones better than the threshold does.
+  constexpr double kReach = 2.0;  // in thresholds
   constexpr int kMaxRounds = 10;
   const double least = options.min_scale * pairs.target.scale;
   const double cell = diagonalOf(corners) / kCellsAlongDiagonal;  // px
@@ -103,14 +103,13 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
   return Status::ok;
 }
 
-/// If all pairs but one lie on a line, H depends on that one. Deviations are measured in the image
-/// where they are smaller: a strong perspective that moves a corner far away magnifies its error,
-/// too.
+/// If all pairs but one lie on a line, H depends on this one pair. The smaller deviation of the two
+/// images counts, because a strong perspective that moves a corner far away magnifies its error.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
-  constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
-  constexpr std::size_t kEnough = 100;           // pairs; more would be determined even better
+  constexpr double kMaxDeviationWithout = 20.0;  // px, if some pairs are left out
+  constexpr std::size_t kEnough = 100;           // pairs; if these suffice, all pairs do
   FourPoints normalised_corners;
   for (std::size_t i = 0; i < 4; ++i) normalised_corners[i] = pairs.reference.apply(corners[i]);
   const auto deviation = [&](const Matrix8& covariance) {
@@ -133,8 +132,8 @@ bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints&
 
 namespace {
 
-/// Covariance of the first eight entries in pixels, with H(2,2) = 1, from that of the normalised H:
-/// the chain rule through T_target^-1 H T_reference and the division by the last entry.
+/// Jacobian of the eight entries of H in pixels, H(2,2) = 1, with respect to the entries of the
+/// normalised H: chain rule through T_target^-1 H T_reference and the division by the last entry.
 HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
                                         const Eigen::Matrix3d& homography) {
   const Eigen::Matrix3d undivided = pairs.toPixels(homography);
@@ -152,8 +151,8 @@ HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
   return jacobian;
 }
 
-/// The distance in the reference, px, over which the displacement changes by a pixel, at the middle
-/// of the points. Infinite if all points move alike.
+/// Distance in the reference, px, over which the displacement between the images changes by a
+/// pixel, at the middle of the points. Infinite if all points move alike.
 double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography) {
   const Eigen::Matrix2d slope =
       homography.topLeftCorner<2, 2>() -
@@ -189,8 +188,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
   const double rounding = options.rounding * pairs.target.scale;
-  // Where the grey values are noisy, their rounding differs from patch to patch. Then it is part of
-  // the noise that the errors show, and only the rest is alike for neighbours.
+  // If the grey values are noisy, their rounding differs from patch to patch and is part of the
+  // noise that the errors show. Only the rest of the rounding is alike for neighbours.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;

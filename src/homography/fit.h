@@ -23,18 +23,18 @@ namespace ktgp_orb::homography {
 float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homography, double limit,
                float give_up);
 
-/// inlier[i] = 1 where e < limit, else 0; one entry per pair. Returns the number of ones.
+/// Sets inlier[i] to 1 if e < limit, else to 0, for each pair. Returns the number of ones.
 std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d& homography,
                         double limit, std::vector<std::uint8_t>& inlier);
 
-/// A homography between normalised coordinates as estimation::ProsacSearch looks for it. Keeps its
+/// The problem of estimation::ProsacSearch: a homography between normalised coordinates. Keeps its
 /// buffers.
 class HomographyProblem {
  public:
   using Model = Eigen::Matrix3d;
   static constexpr std::size_t kSample = std::tuple_size<FourPoints>::value;
 
-  /// Stored by reference; best quality first.
+  /// Keeps a reference to the pairs, which are sorted by quality, best first.
   void setPairs(const NormalisedPairs& pairs) { pairs_ = &pairs; }
   static std::size_t sampleSize() { return kSample; }
   std::size_t size() const { return pairs_->size(); }
@@ -47,7 +47,7 @@ class HomographyProblem {
   float cost(const Eigen::Matrix3d& homography, float give_up) const {
     return msacCost(pairs_->scoring, homography, pairs_->limit, give_up);
   }
-  /// False if the pairs within reach are not more than a sample, or do not determine H.
+  /// Returns false if no more pairs are within reach than a sample has, or they do not determine H.
   bool refine(double widening, Eigen::Matrix3d& homography);
   std::size_t findInliers(const Eigen::Matrix3d& homography,
                           std::vector<std::uint8_t>& inlier) const {
@@ -65,32 +65,32 @@ class HomographyProblem {
 /// How a homography is fitted.
 struct EvidenceOptions {
   double max_error = 3.0;  ///< pairs within twice this error take part, px, > 0
-  /// Least scale of the errors, px, > 0. With a floor well above the errors of the best points, the
-  /// fit weights all points alike even if no plane explains them exactly. Without a floor it
-  /// follows the points that happen to lie in one plane.
+  /// Lower limit of the scale of the errors, px, > 0. With a limit well above the errors of the
+  /// best points, the fit weights all points alike even if no plane explains them exactly. Without
+  /// this limit, the fit follows the points that happen to lie in one plane.
   double min_scale = 1e-4;
-  bool of_patches = false;  ///< from the alignment of patches, which share noise where they overlap
+  bool of_patches = false;  ///< aligned patches gave the points; they share noise if they overlap
   double rounding = 0.0;    ///< see PointPairs::rounding
-  /// Pairs that are close together count like one: a part of the scene with many pairs, which may
-  /// not be quite in the plane of the rest, does not decide alone.
+  /// Pairs that are close together count like one pair. So a part of the scene with many pairs,
+  /// which may lie slightly off the plane of the rest, does not decide alone.
   bool by_cell = false;
 };
 
-/// The homography of maximum likelihood (homography/reprojection_fit.h) over all pairs that it may
-/// explain, and its uncertainty. Keeps its buffers.
+/// Fits the homography of maximum likelihood (homography/reprojection_fit.h) to all pairs that it
+/// may explain, and estimates its uncertainty. Keeps its buffers.
 class HomographyFit {
  public:
   using Matrix8 = ReprojectionFit::Matrix8;
 
-  /// Refines H, between normalised coordinates, over the pairs within twice the threshold that they
-  /// were loaded with, until these pairs stay the same. `corners`: of the reference image, px.
-  /// Status::ok; no_model: not more pairs are within reach than a sample has; model_rejected: they
-  /// do not determine H.
+  /// Refines H, between normalised coordinates, until the set of pairs within twice the threshold
+  /// of `pairs` stays the same. `corners`: corners of the reference image, px. Returns no_model if
+  /// no more pairs are within reach than a sample has, and model_rejected if they do not determine
+  /// H.
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// True if the pairs of the last fit determine the image corners, also when any quarter of the
-  /// pairs is left out. `homography`: the result of the fit.
+  /// True if the pairs of the last fit determine the image corners, even without any quarter of the
+  /// pairs, or without any one of up to eight pairs. `homography`: the result of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;
 
@@ -114,14 +114,14 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 /// proportion to the diagonal.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
-/// Estimates a homography again from points that have become more accurate, or more. Starts at the
-/// given one, without sampling. Keeps its buffers.
+/// Estimates a homography again from more points or more accurate ones. Starts at the given
+/// homography, without sampling. Keeps its buffers.
 class HomographyRefiner {
  public:
-  /// All in pixels; points and homography finite. True: `estimate` was refined, H(2,2) = 1. False:
-  /// `estimate` is unchanged, since too few pairs are near, these do not determine it, or it is not
-  /// the view of a plane from one side. `reference_size` may be empty (see imageCorners). Throws
-  /// std::invalid_argument for arrays of different length.
+  /// All values are finite and in pixels. Returns true if `estimate` was refined, with H(2,2) = 1.
+  /// Returns false, with `estimate` unchanged, if too few pairs are near, these do not determine H,
+  /// or `estimate` is not the view of a plane from one side. `reference_size` may be empty (see
+  /// imageCorners). Throws std::invalid_argument for arrays of different length.
   bool refine(const std::vector<Eigen::Vector2d>& reference,
               const std::vector<Eigen::Vector2d>& target, const cv::Size& reference_size,
               const EvidenceOptions& options, UncertainHomography& estimate);

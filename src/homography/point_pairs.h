@@ -14,7 +14,7 @@
 namespace ktgp_orb::homography {
 
 /// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`.
-/// x, y: reference; u, v: target; both in the same units as their homography.
+/// x, y: reference; u, v: target; both in the units of the homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;
@@ -27,8 +27,8 @@ struct PointArrays {
 
   std::size_t paddedSize() const { return x.size(); }
 
-  /// Makes room for n pairs without setting their values. The padding is so far away that no
-  /// homography explains it.
+  /// Makes room for n pairs without setting their values. The target points of the padding are so
+  /// far away that no homography explains them.
   void resize(std::size_t n) {
     const std::size_t padded = util::ceilDivide(n, kLanes) * kLanes;
     size = n;
@@ -46,7 +46,7 @@ struct PointArrays {
     v[i] = static_cast<Scalar>(target.y());
   }
 
-  /// The pair `i` becomes the pair `other_i` of `other`.
+  /// Copies pair `other_i` of `other` to pair `i`.
   void set(std::size_t i, const PointArrays& other, std::size_t other_i) {
     x[i] = other.x[other_i];
     y[i] = other.y[other_i];
@@ -54,8 +54,8 @@ struct PointArrays {
     v[i] = other.v[other_i];
   }
 
-  /// near[i] = 1 where the error of pair i is below `limit`, else 0; one entry per pair. Returns
-  /// the number of ones. `squared_errors(first)`: of kLanes pairs.
+  /// Sets near[i] to 1 if the error of pair i is below `limit`, else to 0, and returns the number
+  /// of ones. `squared_errors(first)`: squared errors of the kLanes pairs from `first` on.
   template <typename SquaredErrors>
   std::size_t markNear(double limit, const SquaredErrors& squared_errors,
                        std::vector<std::uint8_t>& near) const {
@@ -73,11 +73,11 @@ struct PointArrays {
     return count;
   }
 
-  static constexpr std::size_t kCellColumns = 64;  ///< the last ones hold whatever is farther
+  static constexpr std::size_t kCellColumns = 64;  ///< the last one holds all points beyond it
   static constexpr std::size_t kCells = kCellColumns * kCellColumns;
 
-  /// The cells, squares of side `side`, that the reference points are in; there is at least one
-  /// pair. One entry per pair, below kCells.
+  /// Sets cell[i], below kCells, to the cell of reference point i. Cells are squares of side
+  /// `side`. There must be at least one pair.
   void findCells(double side, std::vector<std::size_t>& cell) const {
     const auto least = [this](const std::vector<Scalar>& axis) {
       return *std::min_element(axis.begin(), axis.begin() + static_cast<std::ptrdiff_t>(size));
@@ -98,8 +98,8 @@ struct PointArrays {
   }
 };
 
-/// Shifts to the centroid and scales to a mean distance of about 1 (Hartley, PAMI 1997), as single
-/// precision and the normal equations need it.
+/// Shifts points to their centroid and scales them to a mean distance of about 1 (Hartley, PAMI
+/// 1997). Single precision and the normal equations need this.
 struct Normalisation {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;
@@ -134,16 +134,17 @@ struct Normalisation {
 /// precision where that is enough.
 struct NormalisedPairs {
   Normalisation reference, target;
-  PointArrays<float> scoring;       // single precision is enough to count inliers ...
-  PointArrays<double> refinement;   // ... but not to refine
-  double limit = 0.0;               // the inlier threshold in normalised target units
-  double min_reference_area = 0.0;  // square of the threshold in normalised units; smaller
-  double min_target_area = 0.0;     // triangles are too flat to sample
+  PointArrays<float> scoring;      // to count inliers, for which single precision is enough
+  PointArrays<double> refinement;  // to refine, for which single precision is not enough
+  double limit = 0.0;              // the inlier threshold in normalised target units
+  // Lower limits of the doubled area of triangles in a sample: the squared threshold, normalised.
+  double min_reference_area = 0.0;
+  double min_target_area = 0.0;
 
   std::size_t size() const { return scoring.size; }
 
-  /// `order(i)` is the index of the i-th pair; `threshold` in px. `alike`: with the same scale in
-  /// both images, so that distances in the two can be compared.
+  /// `order(i)` is the index of the i-th pair; `threshold` is in px. `alike`: both images get the
+  /// same scale, so that distances in them can be compared.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
             const std::vector<Eigen::Vector2d>& target_points, const Order& order, double threshold,
@@ -166,15 +167,15 @@ struct NormalisedPairs {
     }
   }
 
-  /// A homography between normalised coordinates in pixels, of any scale.
+  /// Converts a homography between normalised coordinates to pixels, at any scale.
   Eigen::Matrix3d toPixels(const Eigen::Matrix3d& normalised) const {
     return target.inverse() * normalised * reference.matrix();
   }
 
-  /// The reverse, with H(2,2) = 1: the third coordinate is positive at the centre of the reference
-  /// points. Empty if H is not the view of a plane from one side.
+  /// Converts a homography from pixels to normalised coordinates, with H(2,2) = 1 and so a positive
+  /// third coordinate at the centre of the reference. Empty unless H views a plane from one side.
   std::optional<Eigen::Matrix3d> fromPixels(const Eigen::Matrix3d& pixel) const {
-    constexpr double kSingular = 1e-12;  // the determinant, of entries of the order of 1
+    constexpr double kSingular = 1e-12;  // determinant; entries are of the order of 1
     Eigen::Matrix3d h = target.matrix() * pixel * reference.inverse();
     h /= h(2, 2);
     if (!h.allFinite() || !(h.determinant() > kSingular)) return std::nullopt;

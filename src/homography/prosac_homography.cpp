@@ -29,7 +29,7 @@ struct ProsacHomography::Impl {
   void judge(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 };
 
-/// The search; false if no sample gave a homography.
+/// Runs the search; returns false if it found no homography.
 bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   const std::optional<Eigen::Matrix3d>& initial,
                                   ProsacResult& result) {
@@ -64,7 +64,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   const bool scaled = homography::scaleLastToOne(answer.homography);
   if (!verdict.trusts(answer, pairs, reference_size, options.max_error, labelled)) return;
 
-  // This comes last, since it takes longer than the verdict.
+  // The uncertainty comes last, since it takes longer than the verdict.
   if (scaled) {
     answer = fit.inPixels(normalised, corners, evidence, h);
   } else {

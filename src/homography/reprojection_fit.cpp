@@ -30,9 +30,9 @@ double sum(const Lanes& lanes) {
 
 /// Two reference points mapped by H, and their errors in the target.
 struct Projection {
-  Lanes x, y, z;  // reference point over the third coordinate w, and 1/w
-  Lanes u, v;     // projected
-  Lanes du, dv;   // projected - target
+  Lanes x, y, z;  // reference point divided by the third coordinate w; 1/w
+  Lanes u, v;     // projected point
+  Lanes du, dv;   // error: projected point - target point
 
   Projection(const Points& points, const Eigen::Matrix3d& h, std::size_t first) {
     x = load(points.x, first);
@@ -104,8 +104,8 @@ class ReprojectionSums {
     return {sum(sums[0]), sum(sums[1]), sum(sums[2]), sum(sums[3]), sum(sums[4])};
   }
 
-  /// [x y z]^T [x y], each product times u or v: the products of the last two parameters with the
-  /// others.
+  /// [x y z]^T [x y], with each product times u or v. This block of J^T w J couples the last two
+  /// parameters with the others.
   static Eigen::Matrix<double, 3, 2> border(const Lanes (&sums)[5]) {
     const auto [xx, xy, xz, yy, yz] = totals(sums);
     Eigen::Matrix<double, 3, 2> matrix;
@@ -116,8 +116,8 @@ class ReprojectionSums {
   }
 
   Lanes plain_[5];            // weighted products xx xy xz yy yz
-  Lanes times_u_[5];          // the same times u
-  Lanes times_v_[5];          // the same times v
+  Lanes times_u_[5];          // weighted products times u
+  Lanes times_v_[5];          // weighted products times v
   Lanes zz_ = Lanes::Zero();  // weighted zz
   Lanes squared_[3];          // (uu + vv) times xx xy yy
   Lanes gradient_[8];
@@ -137,8 +137,8 @@ Matrix8 sumOfSquares(const Points& points, const Eigen::Matrix3d& homography, st
   return jtj;
 }
 
-/// A fit of H stops where no entry, of the order of 1, changes by more. Steps are not limited:
-/// those of the best PROSAC samples may be long.
+/// A fit of H stops when no entry, which is of the order of 1, changes by more than 1e-5. Steps are
+/// not limited, since steps from the best PROSAC samples may be long.
 estimation::FitRules rules() {
   estimation::FitRules rules;
   rules.converged = 1e-5;
@@ -202,8 +202,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
     if (mask[i] != 0) selected.set(n++, points, i);
   }
   selected.size = n;
-  // An odd last pair is processed with a padding pair of weight zero. An old value there could lie
-  // on the horizon of the next H, and zero times infinity is NaN.
+  // An odd last pair is processed with a padding pair of weight zero. An old value in the padding
+  // could lie on the horizon of the next H, and zero times infinity is NaN.
   if (n < selected.paddedSize()) selected.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
   fit_.weights().reset(n, 2, kEntries);
   by_cell_ = false;
@@ -211,7 +211,7 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
 }
 
 void ReprojectionFit::weighByCell(double cell) {
-  constexpr double kFewest = 64.0;  // equal pairs, eight for each entry
+  constexpr double kFewest = 64.0;  // equally weighted pairs, eight for each entry of H
   const std::size_t n = size();
   if (n == 0) return;
   problem_.pairs.findCells(cell, cell_);
@@ -258,7 +258,7 @@ bool ReprojectionFit::minimise(double min_scale, double& scale, Eigen::Matrix3d&
   return true;
 }
 
-/// With cell weights (White 1980): A^-1 (J^T c w J) A^-1 with A = J^T w J.
+/// With weights by cell, (J^T w J)^-1 becomes A^-1 (J^T c w J) A^-1 with A = J^T w J (White 1980).
 Matrix8 ReprojectionFit::covariance() const {
   const Matrix8 inverted = estimation::inverseOf(fit_.sums().squares);
   if (!by_cell_) return variance_factor_ * inverted;

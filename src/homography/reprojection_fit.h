@@ -10,10 +10,10 @@
 
 namespace ktgp_orb::homography {
 
-/// Maximum likelihood over H's first eight entries, H(2,2) = 1, for reprojection errors in the
-/// target with Student's t distribution. Keypoints of coarse octaves are several times less
-/// accurate than those of fine ones. That gives heavy tails, and in least squares the least
-/// accurate pairs would dominate. Keeps its buffers from call to call.
+/// Fits H's first eight entries, with H(2,2) = 1, by maximum likelihood for reprojection errors in
+/// the target with Student's t distribution. Keypoints of coarse octaves are several times less
+/// accurate than keypoints of fine octaves. So the errors have heavy tails, and in least squares
+/// the least accurate pairs would dominate. Keeps its buffers from call to call.
 class ReprojectionFit {
  public:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
@@ -23,25 +23,25 @@ class ReprojectionFit {
   std::size_t select(const PointArrays<double>& points, const std::vector<std::uint8_t>& mask,
                      std::size_t max_pairs);
 
-  /// Weighs the selected pairs so that those in one cell of side `cell`, in units of the reference,
-  /// count together like one: each gets the inverse of their number, 1 on average. The weights stay
-  /// equal, as after select(), where the result would be as noisy as that of fewer than 64 equally
-  /// weighted pairs.
+  /// Weighs the selected pairs so that all pairs in one cell count together like one pair. `cell`:
+  /// side of a cell, in units of the reference. Each pair gets the inverse of the number of pairs
+  /// in its cell, scaled to a mean of 1. The weights stay equal, as after select(), if the result
+  /// would be as noisy as with fewer than 64 equally weighted pairs.
   void weighByCell(double cell);
 
-  /// One step with the given scale of the errors; false if H is not determined.
+  /// Takes one step with the given scale of the errors; false if the pairs do not determine H.
   bool step(double scale, Eigen::Matrix3d& homography);
 
-  /// The fit to convergence. The scale of the errors, in units of the target, is estimated together
-  /// with H, beginning with the given one and not below `min_scale`. False if the pairs do not
-  /// determine H.
+  /// Fits to convergence. The scale of the errors, in units of the target, is estimated together
+  /// with H, beginning with the given scale and not below `min_scale`. Returns false if the pairs
+  /// do not determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
   /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
   Matrix8 covariance() const;
 
-  /// The covariance from the first `count` pairs, without each pair whose index modulo `folds` is
-  /// `fold`. Infinite if the rest does not determine H.
+  /// The covariance from the first `count` pairs, without the pairs whose index modulo `folds` is
+  /// `fold`. Infinite if the remaining pairs do not determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 
@@ -49,7 +49,7 @@ class ReprojectionFit {
   /// Degrees of freedom of the estimated scale.
   double freedom() const { return fit_.weights().freedom(); }
   /// The selected pairs, their weights in the last iteration of minimise(), and the second
-  /// derivative of the likelihood over J^T w J.
+  /// derivative of the likelihood divided by J^T w J.
   const PointArrays<double>& pairs() const { return problem_.pairs; }
   const std::vector<double>& weights() const { return fit_.weights().weight; }
   double curvature() const { return fit_.sums().derivative / fit_.sums().weight; }
@@ -66,12 +66,12 @@ class ReprojectionFit {
 
   Problem problem_;
   estimation::RobustFit<Problem> fit_;
-  bool by_cell_ = false;              // the factors of the weights differ
+  bool by_cell_ = false;              // weighByCell() has set the factors
   std::vector<double> factor_;        // factor of each pair
   std::vector<std::size_t> cell_;     // cell of each pair
-  std::vector<std::size_t> in_cell_;  // number of pairs
-  double variance_factor_ = 0.0;      // covariance over (J^T w J)^-1, after minimise()
-  Matrix8 by_squares_;                // sum of J^T c w J, after minimise() by cell
+  std::vector<std::size_t> in_cell_;  // number of pairs in each cell
+  double variance_factor_ = 0.0;      // factor of (J^T w J)^-1; minimise() sets it
+  Matrix8 by_squares_;                // sum of J^T c w J; minimise() sets it if by_cell_
 };
 
 }  // namespace ktgp_orb::homography

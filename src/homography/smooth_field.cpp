@@ -11,8 +11,8 @@ namespace {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// J'K of two Jacobians from the product of their slopes. J has the rows [x y z 0 0 0 -ux -uy] and
-/// [0 0 0 x y z -vx -vy].
+/// The product J1' J2 of two Jacobians, from the product of their slopes. A Jacobian has the rows
+/// [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
 Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
@@ -34,8 +34,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
   constexpr double kLength = 0.6;  // share of the diagonal: see the measurement in method.md
-  // The fit of H's eight entries removes nearly all errors of fewer pairs, so that nothing is left
-  // to estimate the field from.
+  // With fewer pairs, the fit of H's eight entries removes nearly all errors, so that nothing is
+  // left to estimate the field from.
   constexpr std::size_t kFewest = 12;
   FieldFit result;
   choosePairs(pairs, weights, homography);
@@ -49,7 +49,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   sumNear(scales.nearby, of_pairs);
   const double chosen = static_cast<double>(pairs_.size());
   const double each_of_all =
-      static_cast<double>(pairs.size) / chosen;  // pairs that a chosen pair stands for
+      static_cast<double>(pairs.size) / chosen;  // number of pairs that a chosen pair represents
   result.shared_patches = 1.0 + 2.0 * each_of_all * of_pairs.near_overlap / chosen;
 
   const Matrix8 inverse = estimation::inverseOf(curvature * expanded(of_pairs.first));
@@ -66,8 +66,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   return result;
 }
 
-/// The squared errors of single pairs: sum of w² |r|². With r = M e, M = I - J A^-1 J'W, the
-/// expectation for a covariance K of the errors e is
+/// Moment of the squared errors of single pairs: sum of w² |r|². With r = M e, M = I - J A^-1 J'W,
+/// the expectation for a covariance K of the errors e is
 ///
 ///   tr(W M K M' W) = tr(W K W) - 2 tr(A^-1 J'W³ K J) + tr(A^-1 J'W K W J A^-1 J'W² J),
 ///
@@ -84,9 +84,9 @@ SmoothField::Moment SmoothField::singleMoment(const PairSums& of_pairs, const Ce
   return single;
 }
 
-/// The products of the errors of near pairs: sum of w w' r·r' over the pairs in one cell or in
-/// adjacent ones, with the same expectation. Excluded are a pair with itself, which is `single`,
-/// and pairs that share noise. For the fit, two points that are so close count like one.
+/// Moment of the products of the errors of near pairs: sum of w w' r·r' over couples in one cell or
+/// in adjacent cells, with an expectation as in singleMoment(). A pair with itself, which is
+/// `single`, and couples that share noise are left out. The fit treats such couples like one point.
 SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const CellSums& of_cells,
                                             const Fitted& fitted, const Moment& single) {
   const double weights2 = of_pairs.weights2;
@@ -108,7 +108,7 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
                                  const Moment& single, FieldFit& result) {
   constexpr double kCommon = 0.02;  // share of the variance of the noise, see FieldFit
   // A field that is correlated over most of the image gives about this many independent values.
-  // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
+  // With so few, the covariance is f / (f - 2) times as large, as for Student's t.
   constexpr double kFreedom = 6.0;
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
@@ -117,13 +117,13 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * fitted.by_field;
 }
 
-/// tau² and sigma² from the two moments. The ratio of the products of near pairs to the squared
-/// errors lies between the values for pure noise and for a pure field; its position between them is
-/// the field's share of the error. There is no field where noise alone could give this ratio.
+/// Sets tau² and sigma² from the two moments. The ratio of the products of near pairs to the
+/// squared errors lies between the values for pure noise and for a pure field; its position between
+/// them is the field's share of the error. If noise alone could give this ratio, there is no field.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
   // If few cells are covered, the fit of H removes almost as much of a field as of noise. Then the
-  // expected ratios are too close to tell the two apart.
+  // expected ratios are too close to tell field and noise apart.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;
@@ -159,7 +159,7 @@ SmoothField::CellSums SmoothField::sumCells() const {
     for (std::size_t column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[row * columns_ + column];
       if (cell.weight == 0.0) continue;
-      Slope around = Slope::Zero();  // sum over the cell and the eight adjacent ones
+      Slope around = Slope::Zero();  // sum over the cell and the eight adjacent cells
       for (std::size_t y = row - std::min<std::size_t>(row, 1); y < std::min(row + 2, rows_); ++y) {
         for (std::size_t x = column - std::min<std::size_t>(column, 1);
              x < std::min(column + 2, columns_); ++x) {
@@ -181,13 +181,13 @@ SmoothField::CellSums SmoothField::sumCells() const {
   return sums;
 }
 
-/// J'W K W J of a field of variance 1 and this length.
+/// J'W K W J of a field of variance 1 whose correlation length is `length`.
 SmoothField::Matrix8 SmoothField::spreadOfRounding(double length, double cell_side) {
   step_ = std::exp(-cell_side / length);
   smooth();
   Matrix8 spread = Matrix8::Zero();
   for (const Cell& cell : cells_) spread += cell.slope * cell.smoothed.transpose();
-  // The mean of exp(-d/l) within a cell, where the sums above count 1.
+  // Within a cell, the sums above use 1 for exp(-d/l). This is the mean of exp(-d/l) in a cell.
   const double share = length / cell_side;
   const double along = 2.0 * share * (1.0 - share * (1.0 - step_));
   return along * along * spread;
@@ -197,7 +197,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
                               const Eigen::Matrix3d& homography) {
   constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
-  pairs_.reserve(kMost);  // once, not whenever a frame has more pairs than all before
+  pairs_.reserve(kMost);  // allocates once, not at each new maximum of pairs
   squared_.reserve(kMost);
   by_x_.reserve(kMost);
   pairs_.resize(count);
@@ -219,8 +219,8 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
   for (Pair& pair : pairs_) pair.weight *= static_cast<double>(count) / sum;
 }
 
-/// A few wrong pairs side by side would look like a field. Errors are limited to five deviations,
-/// estimated from the median.
+/// A few wrong pairs side by side would look like a field. So errors are limited to five standard
+/// deviations, estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
   constexpr double kMedian = 1.386;  // median of squared errors over the variance per coordinate
@@ -242,7 +242,7 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Keypoints may be outside the image: the last cells include them.
+  // Keypoints may be outside the image. The last row and column of cells include these keypoints.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
@@ -264,13 +264,13 @@ void SmoothField::sortIntoCells(double cell_side) {
   }
 }
 
-/// Sums with weights exp(-d/l) in city-block distance: along the rows, then along the columns, each
-/// with a forward and a backward pass.
+/// Sums the slopes of all cells with weights exp(-d/l), d in city-block distance: along the rows,
+/// then along the columns, each with a forward and a backward pass.
 void SmoothField::smooth() {
   const auto along = [this](std::size_t first, std::size_t stride, std::size_t count) {
     const auto value = [&](std::size_t i) -> Slope& { return cells_[first + i * stride].smoothed; };
     for (std::size_t i = 1; i < count; ++i) value(i) += step_ * value(i - 1);
-    Slope after = Slope::Zero();  // sum over the cells that come later
+    Slope after = Slope::Zero();  // weighted sum over the later cells
     for (std::size_t i = count; i-- > 0;) {
       const Slope own = i > 0 ? Slope(value(i) - step_ * value(i - 1)) : value(0);
       value(i) += step_ * after;
@@ -282,7 +282,7 @@ void SmoothField::smooth() {
   for (std::size_t column = 0; column < columns_; ++column) along(column, columns_, rows_);
 }
 
-/// Sums over the pairs that share noise.
+/// Adds the sums over couples of pairs that share noise.
 void SmoothField::sumNear(double side, PairSums& sums) {
   by_x_.clear();
   for (std::size_t i = 0; i < pairs_.size(); ++i) by_x_.emplace_back(pairs_[i].point.x(), i);

@@ -9,19 +9,19 @@
 
 namespace ktgp_orb::homography {
 
-/// Cells along the image's diagonal; pairs in one of them may have an error in common.
+/// Number of cells along the image's diagonal. Pairs in one cell may have an error in common.
 inline constexpr double kCellsAlongDiagonal = 16.0;
 
-/// Sizes for the estimation of the smooth field, in the units of the reference points.
+/// Settings for the estimation of the smooth field; lengths are in units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
-  /// A field must exceed this many deviations of what noise alone gives.
+  /// Minimum significance of a field, in standard deviations of the estimate from noise alone.
   double significance = 0.0;
   double nearby = 0.0;           ///< pairs closer than this, in x and y, may share noise
-  double rounding_length = 0.0;  ///< over which the displacement changes by a pixel
+  double rounding_length = 0.0;  ///< the displacement changes by a pixel over this distance
 };
 
-/// The errors of the pairs as a smooth field plus noise.
+/// Splits the errors of the pairs into a smooth field and noise.
 struct FieldFit {
   double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
@@ -29,51 +29,51 @@ struct FieldFit {
       0.0;  ///< variance of the noise per coordinate, units as `variance`; 0: too few pairs
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same for rounding errors of variance 1 (see SmoothField).
+  /// Covariance of H from rounding errors of variance 1 (see SmoothField).
   Eigen::Matrix<double, 8, 8> of_rounding = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same for an error that all pairs share: 2 % of the variance of their noise.
+  /// Covariance of H from an error that all pairs share, with 2 % of the variance of the noise.
   /// Interpolation gives sub-pixel registration the same error for patches at the same position
   /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// Number of pairs over number of independent pairs, >= 1, for pairs found with overlapping
-  /// patches of side FieldScales::nearby: the variance of the mean of values that correlate as
-  /// their patches overlap, over that of independent ones.
+  /// Number of pairs over the number of independent pairs, >= 1, for pairs found with overlapping
+  /// patches of side FieldScales::nearby. Their errors correlate as the patches overlap. This is
+  /// the variance of their mean over the variance of a mean of independent errors.
   double shared_patches = 1.0;
 };
 
 /// Separates a smooth field from noise in the reprojection errors of an estimated homography.
 ///
 /// In real scenes neighbouring points have similar errors: the scene is not quite a plane, the lens
-/// bends, the shutter rolls. More pairs do not average that out, and a covariance for independent
-/// errors is several times too small. The model is the covariance
+/// bends, the shutter rolls. Using more pairs does not average such errors out, and a covariance
+/// for independent errors is several times too small. The model is the covariance
 ///
 ///   K = tau² exp(-d/l) + sigma² (d = 0),   d = |dx| + |dy| in the reference image,
 ///
 /// in each coordinate, with l = 0.6 of the image's diagonal. tau² and sigma² are chosen so that the
 /// sum of the squared errors, and the sum of the products of the errors of near pairs, equal their
-/// expectations. These take into account that fitting eight entries made the errors smaller: E[r
-/// r'] = M K M' with M = I - J A^-1 J'W. Then cov(H) = A^-1 J'W K W J A^-1, A = J'WJ (White 1980;
-/// Conley 1999; Bell & McCaffrey 2002). The errors are summed over cells of a 16th of the diagonal;
-/// near pairs are in the same or in adjacent cells, and the field is constant within a cell. Pairs
-/// that may share noise (FieldScales::nearby) are left out.
+/// expectations. The expectations take into account that fitting eight entries made the errors
+/// smaller: E[r r'] = M K M' with M = I - J A^-1 J'W. Then cov(H) = A^-1 J'W K W J A^-1, A = J'WJ
+/// (White 1980; Conley 1999; Bell & McCaffrey 2002). The errors are summed over cells of a 16th of
+/// the diagonal; near pairs are in the same or in adjacent cells, and the field is constant within
+/// a cell. Pairs that may share noise (FieldScales::nearby) are left out.
 ///
-/// Positions are rounded, keypoints to whole pixels. How a displacement is rounded depends on its
-/// fraction of a pixel, so it is alike for neighbours, and no residual shows it: with a motion of a
-/// fifth of a pixel nearly all keypoints stay where they are. These errors are a field of known
-/// variance, with the same covariance but for the length, over which the displacement changes by a
-/// pixel. Where that is short, they average out. Keeps its buffers.
+/// Positions are rounded, keypoints to whole pixels. The rounding error of a displacement depends
+/// on its fraction of a pixel. So neighbours have similar rounding errors, and no residual shows
+/// them: with a motion of a fifth of a pixel nearly all keypoints stay where they are. Rounding
+/// errors are a field of known variance with this covariance, but l is the distance over which the
+/// displacement changes by a pixel. If l is short, rounding errors average out. Keeps its buffers.
 class SmoothField {
  public:
-  /// `weights`: of the pairs in the fit of H; `curvature`: the second derivative of the likelihood
-  /// over J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
+  /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
+  /// likelihood over J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
   /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see
-  /// reprojection_fit.cpp). The eighth is zero: Eigen has vector code for eight doubles, not for
-  /// seven.
+  /// reprojection_fit.cpp). The eighth entry is zero, because Eigen has vector code for eight
+  /// doubles, not for seven.
   using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {
@@ -83,20 +83,20 @@ class SmoothField {
     std::size_t cell = 0;
   };
   struct Cell {
-    double weight = 0.0;                              // sums over its pairs of w,
-    Eigen::Vector2d error = Eigen::Vector2d::Zero();  // w r,
-    Slope slope = Slope::Zero();                      // w J,
-    Slope slope2 = Slope::Zero();                     // w² J;
-    Slope smoothed = Slope::Zero();                   // sum over all cells of w J exp(-d/l)
+    double weight = 0.0;                              // sum of w over the pairs of the cell
+    Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of w r
+    Slope slope = Slope::Zero();                      // sum of w J
+    Slope slope2 = Slope::Zero();                     // sum of w² J
+    Slope smoothed = Slope::Zero();                   // sum of w J exp(-d/l) over all cells
   };
   /// A statistic of the errors, and its expectations for tau² = 1 and for sigma² = 1.
   struct Moment {
     double measured = 0.0;
     double of_field = 0.0;
     double of_noise = 0.0;
-    double deviation = 0.0;  // deviation of `measured`, for sigma² = 1 and no field
+    double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
   };
-  /// Sums over the pairs of J'J times w, w² and w³; of w² and w² r².
+  /// Sums over the pairs of w J'J, w² J'J and w³ J'J, and of w² and w² r².
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
     Matrix8 second = Matrix8::Zero();
@@ -104,22 +104,21 @@ class SmoothField {
     Slope slope = Slope::Zero();  // sum of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Sums over couples of pairs that share noise: of the common share of a patch, of w w, and of w
-    // w r·r.
+    // Sums over couples of pairs that share noise: the shared part of a patch, w w', and w w' r·r'.
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over the cells; V: the slopes of a cell and of those that touch it.
+  /// Sums over the cells. V: sum of the slopes of a cell and of the cells that touch it.
   struct CellSums {
     Matrix8 spread = Matrix8::Zero();      // slope' smoothed: J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2' smoothed
     Matrix8 near = Matrix8::Zero();        // weight V' smoothed
     Matrix8 near_noise = Matrix8::Zero();  // V' slope2
     Matrix8 fitted = Matrix8::Zero();      // V' slope
-    double product = 0.0;   // product of the errors of two cells that touch, or of one with itself
-    double pairs = 0.0;     // w w of the pairs in them, each with itself too
-    double expected = 0.0;  // expected product, for tau² = 1 and without a fit
+    double product = 0.0;   // errors of a cell times errors of each touching cell and itself
+    double pairs = 0.0;     // weight of a cell times weight of each touching cell and itself
+    double expected = 0.0;  // expectation of `product` for tau² = 1 and without a fit
   };
 
   /// A^-1, and A^-1 J'W K W J A^-1 for a field with tau² = 1 and for noise with sigma² = 1.
@@ -148,12 +147,12 @@ class SmoothField {
                     FieldFit& result);
 
   std::vector<Pair> pairs_;
-  std::vector<double> squared_;  // errors, for their median
+  std::vector<double> squared_;  // squared errors, for their median
   std::vector<std::pair<double, std::size_t>> by_x_;
   std::vector<Cell> cells_;
   std::size_t columns_ = 0;
   std::size_t rows_ = 0;
-  double step_ = 0.0;  // exp(-d/l) from cell to cell
+  double step_ = 0.0;  // exp(-d/l) for adjacent cells
 };
 
 }  // namespace ktgp_orb::homography

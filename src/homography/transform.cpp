@@ -80,7 +80,7 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 }
 
 bool scaleLastToOne(Eigen::Matrix3d& homography) {
-  constexpr double kNearZero = 1e-9;  // share of H's length
+  constexpr double kNearZero = 1e-9;  // share of the norm of H
   const bool possible = std::abs(homography(2, 2)) > kNearZero * homography.norm();
   homography /= possible ? homography(2, 2) : homography.norm();
   return possible;
@@ -165,7 +165,7 @@ namespace {
 using Matrix9x8 = Eigen::Matrix<double, 9, 8>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// d(A B)/dA, entries row by row; the last entry of A is fixed.
+/// Jacobian d(A B)/dA, entries row by row; the last entry of A is fixed.
 Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
   Matrix9x8 j = Matrix9x8::Zero();
   for (Eigen::Index row = 0; row < 3; ++row) {
@@ -175,7 +175,7 @@ Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
   return j;
 }
 
-/// d(A B)/dB, the last entry of B fixed.
+/// Jacobian d(A B)/dB; the last entry of B is fixed.
 Matrix9x8 derivativeBySecondFactor(const Eigen::Matrix3d& a) {
   Matrix9x8 j = Matrix9x8::Zero();
   for (int row = 0; row < 3; ++row) {
@@ -188,7 +188,7 @@ Matrix9x8 derivativeBySecondFactor(const Eigen::Matrix3d& a) {
   return j;
 }
 
-/// Derivative of the first eight entries of C / C(2,2).
+/// Jacobian of the first eight entries of C / C(2,2), from the Jacobian of C.
 Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d& c) {
   Matrix8 j;
   for (int i = 0; i < 8; ++i) {
@@ -198,8 +198,8 @@ Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d&
 }
 
 /// An upper bound for the covariance of the sum of two errors with covariances A and B and any
-/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The chosen s makes it exact when the two
-/// errors are proportional; each entry counts in units of its own deviation.
+/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The chosen s makes the bound exact if the
+/// two errors are proportional. It weighs each entry in units of its deviation.
 Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
   double of_a = 0.0;
   double of_b = 0.0;

@@ -10,8 +10,8 @@
 
 namespace ktgp_orb::homography {
 
-/// reprojectionError() inline, for the core's loops, where a call per pair would take longer than
-/// the arithmetic.
+/// Inline version of reprojectionError() for the loops of the core, in which a call for each pair
+/// would take longer than the arithmetic.
 inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                       const Eigen::Vector2d& target) {
   const Eigen::Vector3d p = homography * reference.homogeneous();
@@ -20,28 +20,28 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
 
 using FourPoints = std::array<Eigen::Vector2d, 4>;
 
-/// The homography that maps four reference points to four target points, in closed form.
-/// Returns false, before solving, where it cannot be the view of a plane from one side: a triangle
-/// of three of the points is flat (doubled area below `min_area`: collinear or duplicate points) or
-/// has opposite orientations in the two images. On success H x has a positive third coordinate at
-/// the four points.
+/// Computes the homography that maps four reference points to four target points, in closed form.
+/// Returns false, before solving, if it cannot be the view of a plane from one side, because a
+/// triangle of three of the points is flat (its doubled area is below the minimum: collinear or
+/// duplicate points) or has opposite orientations in the two images. On success H x has a positive
+/// third coordinate at the four points.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography);
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// Derivative of the mapped point by H's first eight entries, row by row, with H(2,2) fixed.
+/// Jacobian of the mapped point with respect to H's first eight entries, row by row, H(2,2) fixed.
 Eigen::Matrix<double, 2, 8> jacobianByEntries(const Eigen::Matrix3d& homography,
                                               const Eigen::Vector2d& point);
 
-/// Derivative of the mapped point by the point.
+/// Jacobian of the mapped point with respect to the point.
 Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// Scales H to H(2,2) = 1, or to length 1 and returns false if that is not possible.
+/// Scales H to H(2,2) = 1. If H(2,2) is too close to 0, scales H to norm 1 and returns false.
 bool scaleLastToOne(Eigen::Matrix3d& homography);
 
-/// Corners of the image, in pixels; of the points' bounding box where the size is empty.
+/// Corners of the image, px; corners of the bounding box of the points if the size is empty.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
 /// True if H can show the plane over the whole image from one side: it mirrors nothing (det H >
@@ -49,7 +49,7 @@ FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>
 /// clear of the corners and so of the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
 
-/// An image -> the same image resized, px; the centre of the first pixel is at 0, 0 in both.
+/// Maps an image to the resized image, px; the centre of the first pixel is (0, 0) in both.
 Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
 
 /// Share of an image of `size` that the same image warped by H covers, 0..1.
@@ -62,25 +62,26 @@ struct CornerDeviation {
   double reference = 0.0;
 };
 
-/// The root of the trace of the covariance propagated from that of H's first eight entries, with
-/// H(2,2) = 1, in the units of H. Infinite if undefined.
+/// Propagates the covariance of H's first eight entries, with H(2,2) = 1, to the corners. A
+/// deviation is the root of the trace of a corner's covariance, in units of H; infinite if
+/// undefined.
 CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
                                 const FourPoints& corners);
 
-/// `first`, then `second`: the product, with its covariance to first order. Covariances of noise
-/// add. For the shared parts the deviations add: the same error twice has twice the deviation and
-/// four times the variance.
+/// The product that applies `first`, then `second`, with its covariance to first order. Covariances
+/// of noise add. Deviations of shared errors add, because the same error twice has twice the
+/// deviation and four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
-/// Calls `visit` with the name of each number of an answer (UncertainHomography), and with the
-/// members of that name of `holders`: answers, messages, or none.
+/// Calls `visit` for each scalar field of an answer (UncertainHomography), with the name of the
+/// field and the field of each of the `holders`: answers, messages, or none.
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit("plane_deviation", holders.plane_deviation...);
 }
 
-/// The same for all fields that messages and files have.
+/// Calls `visit` in the same way for all fields that messages and files contain.
 template <typename Visit, typename... Holders>
 void visitAnswer(Visit visit, Holders&... holders) {
   visit("homography", holders.homography...);

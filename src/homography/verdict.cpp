@@ -15,9 +15,9 @@ using util::kPi;
 
 namespace {
 
-constexpr double kLogMaxFalseAlarms = -4.0;  // log10
+constexpr double kLogMaxFalseAlarms = -4.0;  // log10 of NFA
 
-/// label(), and visits the number and the squared error, px², of each inlier.
+/// Does what label() does, and calls visit(index, squared error in px²) for each inlier.
 template <typename Visit>
 void labelEach(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
                ProsacResult& result, const Visit& visit) {
@@ -41,9 +41,9 @@ void labelEach(const UncertainHomography& answer, const PointPairs& pairs, doubl
 bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
                                const cv::Size& reference_size, double threshold,
                                ProsacResult& result) {
-  // A wrong homography seldom shows the whole image from one side. A plane that is seen in part
-  // lacks this evidence, and has to make up for it by its inliers.
-  constexpr double kLogMaxOfAPart = -12.0;  // log10
+  // A wrong homography seldom shows the whole image from one side. A plane that is only partly in
+  // view lacks this evidence, so its inliers must be more significant.
+  constexpr double kLogMaxOfAPart = -12.0;  // log10 of NFA
   const FourPoints corners = imageCorners(reference_size, pairs.reference);
   const Eigen::Matrix3d view = facing(answer.homography);
   double farthest = 0.0;
@@ -65,8 +65,8 @@ bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPai
 bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold,
                                             double log_limit) {
   const double covered_area = estimation::coveredArea(pairs.target);
-  // The bound holds for any order, with the largest error so far. Good homographies pass after a
-  // few inliers in the order of the input; only poor ones need sorting.
+  // The bound on NFA holds for any order of the inliers, with the largest error so far. Good
+  // homographies pass after a few inliers in the order of the input; only poor ones need sorting.
   if (!explainable(pairs, threshold, covered_area, log_limit)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;
@@ -74,7 +74,7 @@ bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double thre
   return explainable(pairs, threshold, covered_area, log_limit);
 }
 
-/// The test with the inliers in their current order.
+/// Runs the test with the inliers in their current order.
 bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold, double covered_area,
                                     double log_limit) {
   constexpr std::size_t kSample = HomographyProblem::kSample;

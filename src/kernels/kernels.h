@@ -7,8 +7,8 @@
 
 namespace ktgp_orb {
 
-/// The inner loops of all stages for one instruction set. Only dispatch.cpp needs all of them; a
-/// stage calls its own function, e.g. orb::bestOrbKernels().
+/// The inner loops of all stages for one instruction set. Only dispatch.cpp uses this struct; a
+/// stage calls the function for its own kernels, e.g. orb::bestOrbKernels().
 struct Kernels {
   alignment::AlignmentKernels alignment;
   growth::AlikeKernel alike;
@@ -16,10 +16,10 @@ struct Kernels {
   orb::OrbKernels orb;
 };
 
-/// Whether instructions that gather values from memory are faster than reading them one by one: on
-/// Intel processors with AVX-512 FP16 (Sapphire Rapids and later). Other processors take up to four
-/// times as long, among them older ones from Intel, whose microcode slows gathers down for security
-/// (Downfall).
+/// Whether gather instructions are faster than reading values one by one. They are on Intel
+/// processors with AVX-512 FP16 (Sapphire Rapids and later). On other processors gathers take up to
+/// four times as long; on older Intel processors this is because the microcode slows them down for
+/// security (Downfall).
 bool hasFastGathers();
 
 }  // namespace ktgp_orb

@@ -65,7 +65,7 @@ void reject(MatchResult& result) {
   result.found_by = FoundBy::none;
 }
 
-/// The stages of a matcher. Each reads what those before it left in the result.
+/// The stages of a matcher. Each stage reads what the previous stages left in the result.
 class Chain {
  public:
   explicit Chain(const MatcherOptions& given)
@@ -93,13 +93,13 @@ class Chain {
     const MatchHints& hints;
     MatchResult& result;
     bool wants_homography = true;        ///< no other geometry has explained the matches
-    std::optional<GrowthStart> doubt{};  ///< PROSAC's homography, where growth has to judge it
+    std::optional<GrowthStart> doubt{};  ///< PROSAC's homography, if growth has to judge it
     bool haveEnough() const { return reference.size() >= 2 && !target.empty(); }
   };
   struct Stage {
     StageId id;
     bool (*is_on)(const MatcherOptions& options);
-    /// Runs the stage, and sets its input and output. False: this pair does not need it.
+    /// Runs the stage, and sets its input and output. Returns false if this pair does not need it.
     bool (Chain::*run)(Context& context, StageResult& stage);
   };
   static const Stage kStages[];  // in the order in which they run
@@ -132,7 +132,7 @@ class Chain {
   growth::ShiftVotes shifts_;
   matching::Standing standing_;
   PointPairs pairs_;                            // the matches that passed GMS
-  ProsacResult labelled_;                       // a candidate that PROSAC did not find
+  ProsacResult labelled_;                       // labels of a candidate
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
   std::vector<std::uint8_t> taken_;             // target keypoints that are inliers
   std::vector<Correspondence> matches_;         // matches to align
@@ -201,8 +201,8 @@ void Chain::runStages(const Stage* first, Context& context) {
   }
 }
 
-/// Whether most matches stand still, as hot pixels do, while others agree that the scene moves.
-/// Then the matches that stand still are dropped.
+/// Whether most matches stand still, as hot pixels do, while others agree that the scene moves. If
+/// so, drops the matches that stand still.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;
@@ -217,7 +217,7 @@ bool Chain::sceneMoves(Context& context) {
   return true;
 }
 
-/// `output`: target features with a neighbour.
+/// The output is the number of target features with a neighbour.
 bool Chain::runKnn(Context& context, StageResult& stage) {
   const Features& reference = context.reference;
   const Features& target = context.target;
@@ -254,7 +254,7 @@ bool Chain::runGms(Context& context, StageResult& stage) {
   return true;
 }
 
-/// The geometry is the result if the scene has depth, or if no homography is wanted.
+/// The two-view geometry is the result if the scene has depth, or if no homography is wanted.
 bool Chain::runTwoView(Context& context, StageResult& stage) {
   const MatchHints& hints = context.hints;
   MatchResult& result = context.result;
@@ -310,12 +310,12 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
   return true;
 }
 
-/// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
-/// as the windows of a house, may have misled it, or if the matches show such a repetition. Empty
-/// otherwise.
+/// PROSAC's homography, if it is doubtful: so few matches agree with it that a repetitive
+/// structure, such as the windows of a house, may have misled PROSAC, or the matches show a
+/// repetition. Empty otherwise.
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
-  constexpr std::size_t kOneIn = 8;  // a smaller share of the matches is doubtful
+  constexpr std::size_t kOneIn = 8;  // less than one inlier in this many matches is doubtful
   const MatchResult& result = context.result;
   const std::size_t inliers = result.prosac.inliers;
   if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
@@ -332,8 +332,8 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   return start;
 }
 
-/// Grows a homography if PROSAC found none in the whole image. A doubtful one must be as
-/// significant as the grown ones, and not contradicted by them.
+/// Grows a homography if PROSAC found none in the whole image. A doubtful homography must be as
+/// significant as the grown ones, which must not contradict it.
 bool Chain::runGrowth(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;
@@ -383,10 +383,10 @@ bool Chain::runAlignment(Context& context, StageResult& stage) {
 }
 
 /// Makes `candidate` the answer, with mask, inliers and RMSE derived from it. Returns false,
-/// without any change, if the verdict on it is bad.
+/// without any change, if the verdict rejects it.
 ///
-/// A grown homography has the verdict of the growth, since the few right ones among the matches
-/// would not give one. A homography derived from it must still agree with the pairs of the growth.
+/// The verdict on a grown homography uses the pairs of the growth, since too few of the matches are
+/// right. A homography derived from it must still agree with these pairs.
 bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
   const MatchResult& result = context.result;
   const bool grown = result.found_by == FoundBy::growth;
@@ -402,7 +402,7 @@ bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
 }
 
 /// Sets the answer and everything that belongs to it: levels, the guided matches that agree,
-/// inliers and RMSE. `found`: the answer, labelled with the pairs that passed GMS.
+/// inliers and RMSE. `found`: the answer with its labels for the pairs that passed GMS.
 void Chain::setAnswer(const ProsacResult& found, Context& context) {
   const Features& reference = context.reference;
   const Features& target = context.target;

@@ -10,7 +10,7 @@ namespace {
 
 /// The options for images of this many pixels.
 OrbOptions orbFor(const PairOptions& options, std::size_t pixels) {
-  constexpr double kMost = 8000.0;  // the matching time grows with the square
+  constexpr double kMost = 8000.0;  // features; matching time grows with their square
   OrbOptions orb = options.orb;
   if (options.features_by_area) {
     const double megapixels = std::max(1.0, 1e-6 * static_cast<double>(pixels));

@@ -11,13 +11,13 @@ namespace {
 
 using util::position;
 
-// A keypoint lies on a whole pixel of its level, so one that stands still may move by one in the
+// A keypoint lies on a whole pixel of its level. So a still keypoint may move by one pixel in the
 // lower levels, where hot pixels are.
 constexpr double kStands = 0.7;  // px
-constexpr double kMoves = 1.5;   // px; the way of one pixel along both axes is 1.41
+constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
 
-/// Side of the pixels that a match lies on, px: of the coarser pyramid level of its two keypoints.
-/// Where the scene moves by less than that, its keypoints stand still or move by a whole one, all
+/// Side of a pixel, px, on the coarser pyramid level of the two keypoints of a match. If the scene
+/// moves by less than this, its keypoints stand still or move by one whole pixel of the level, all
 /// in one direction.
 double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
   constexpr float kFinest = 31.F;  // size of a keypoint on the finest level
@@ -33,7 +33,7 @@ double wayOf(const Features& reference, const Features& target, const Correspond
   return (position(target, match.target_index) - position(reference, match.reference_index)).norm();
 }
 
-/// Centre of points, and the root of the mean square of their distance from it, px.
+/// Centre of points, and the root mean square of their distances from the centre, px.
 struct Spread {
   explicit Spread(const std::vector<Eigen::Vector2d>& points) {
     const double count = std::max(1.0, static_cast<double>(points.size()));
@@ -78,9 +78,9 @@ void Standing::collect(const Features& reference, const Features& target,
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
   constexpr std::size_t kLeast = 20;     // matches; chance gives ten at most
-  constexpr double kLeastShare = 0.05;   // share of the number of points that stand still
-  constexpr double kLeastSpread = 0.75;  // share of their spread; half an image has 0.76
-  constexpr double kFarthest = 0.5;      // spreads between the centres; two halves have 0.9
+  constexpr double kLeastShare = 0.05;   // share of the number of still points
+  constexpr double kLeastSpread = 0.75;  // share of still points' spread; half an image has 0.76
+  constexpr double kFarthest = 0.5;      // distance of the centres in spreads; two halves have 0.9
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] != 0) agreeing_.push_back(moving_.reference[i]);

@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::matching {
 
-/// The matches of two images of one size that stand still, as hot pixels, dirt on the lens and
-/// burned-in text do, and those that move.
+/// Separates the matches of two images of one size that stand still, as hot pixels, dirt on the
+/// lens and burned-in text do, from the matches that move.
 class Standing {
  public:
   /// Whether the homography leaves the whole image where it is.
@@ -22,11 +22,11 @@ class Standing {
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
-  /// Whether the scene moves: enough moving matches have `mask`, and they lie all over the part of
-  /// the image where the others stand still. A thing that moves in front of a camera that stands
-  /// still covers less of the image.
+  /// Whether the scene moves: enough moving matches are marked in `mask`, and they spread over the
+  /// part of the image where the other matches stand still. An object that moves in front of a
+  /// still camera covers less of the image.
   bool isScene(const std::vector<std::uint8_t>& mask);
-  /// The level of matches that do not move becomes kt.
+  /// Lowers the level of matches that do not move to kt.
   static void drop(const Features& reference, const Features& target,
                    std::vector<Correspondence>& matches);
   /// Number of matches that passed the ratio filter and stand still where the homography says that

@@ -125,12 +125,12 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
 double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   std::vector<double> sorted(errors);
   std::sort(sorted.begin(), sorted.end());
-  double area = 0.0;   // in pairs x px
-  double share = 0.0;  // pairs up to `last`
+  double area = 0.0;   // area under the curve, in pairs x px
+  double share = 0.0;  // number of pairs with errors up to `last`
   double last = 0.0;
   for (const double error : sorted) {
     if (error >= threshold) break;
-    area += (share + 0.5) * (error - last);  // mean of the shares at both ends
+    area += (share + 0.5) * (error - last);  // mean of the counts at both ends
     share += 1.0;
     last = error;
   }

@@ -9,16 +9,16 @@ namespace ktgp_orb::metrics {
 
 namespace {
 
-constexpr double kAlike = 0.6;  // a checkerboard below a tilted camera has 0.65 to 0.95
+constexpr double kAlike = 0.6;  // correlation; a tilted checkerboard has 0.65 to 0.95
 
 bool isPlain(const cv::Mat& picture) {
-  constexpr double kLeastContrast = 1.0;  // grey levels; OpenCV finds a uniform part everywhere
+  constexpr double kLeastContrast = 1.0;  // grey levels; else OpenCV finds the part everywhere
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
   return deviation[0] < kLeastContrast;
 }
 
-/// Where `part` of `picture` looks like a part of `other`; see alikeShifts().
+/// Shifts by which `part` of `picture` looks like a part of `other`; see alikeShifts().
 std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, const cv::Mat& other,
                                 double least) {
   if (isPlain(picture(part))) return {{0, 0}};
@@ -42,7 +42,7 @@ std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, co
   return shifts;
 }
 
-/// Normalised correlation of what the picture and its copy moved by `shift` have in common.
+/// Normalised correlation of the picture and its copy moved by `shift`, over their common area.
 double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   const cv::Rect all({0, 0}, picture.size());
   const cv::Rect moved = all & (all + shift);
@@ -53,7 +53,7 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   return correlation.at<float>(0, 0);
 }
 
-/// The picture without its slow variations, since shades look alike everywhere.
+/// The picture without its slow variations of brightness, because these look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
   constexpr double kSlow = 0.08;  // share of the longer side
   cv::Mat shades, rest;
@@ -62,9 +62,9 @@ cv::Mat withoutShades(const cv::Mat& picture) {
   return rest;
 }
 
-/// Shifts of up to kLongestPeriod of the sides, found by comparing the upper corners, two fifths of
-/// the sides long, with the picture. Two corners see all directions, since a period exists in both
-/// senses of its direction.
+/// Shifts of up to kLongestPeriod of the sides. The two upper corners of the picture, each two
+/// fifths of the sides long, are compared with the picture. Two corners are enough for all
+/// directions, since a period also exists in the opposite direction.
 std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
   constexpr double kPart = 1.0 - kLongestPeriod;
   const cv::Mat detail = withoutShades(picture);
@@ -94,8 +94,8 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
 }
 
 double shortestPeriod(const cv::Mat& picture) {
-  constexpr double kCopySide = 192.0;  // px: a period of 2 % has nearly four
-  constexpr double kLeast = 0.02;      // share of the side
+  constexpr double kCopySide = 192.0;  // px; a period of 2 % of it is nearly four px long
+  constexpr double kLeast = 0.02;      // share of the longer side; shorter shifts are no period
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };
   cv::Mat copy;

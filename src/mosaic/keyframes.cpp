@@ -25,7 +25,7 @@ double Keyframes::overlap(const Keyframe& keyframe, const cv::Size& size,
   const Eigen::Matrix3d to_keyframe = keyframe.from_map * from_map.inverse();
   const auto corners = homography::imageCorners(size, {});
   if (!homography::keepsPlaneInView(to_keyframe / to_keyframe(2, 2), corners)) return 0.0;
-  // The keyframe's corners in the frame: the area is measured in px of the frame.
+  // Projects the keyframe's corners into the frame, so that the area is in px of the frame.
   const Eigen::Matrix3d to_frame = to_keyframe.inverse();
   const auto keyframe_corners = homography::imageCorners(keyframe.features.image_size, {});
   if (!homography::keepsPlaneInView(to_frame / to_frame(2, 2), keyframe_corners)) return 0.0;

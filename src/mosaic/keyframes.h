@@ -10,17 +10,17 @@
 
 namespace ktgp_orb::mosaic {
 
-/// Frames with a known position in the map; other frames are placed by a match to them.
+/// Frames with a known position in the map. Other frames are placed by a match to these keyframes.
 class Keyframes {
  public:
   explicit Keyframes(const MatcherOptions& options) : matcher_(options) {}
 
   void setOptions(const MatcherOptions& options) { matcher_ = KtgpMatcher(options); }
 
-  /// The position of a frame, by a match to the keyframe that covers most of it; if that fails, to
-  /// the next ones. `expected`: map -> frame, roughly. `chained`: it follows from the previous
-  /// frame; otherwise it is a guess, and the positions by all of the nearest keyframes that fit are
-  /// given. Empty if none fits.
+  /// Finds the position of a frame by a match to the keyframe that covers most of it; if that
+  /// fails, to the next ones. `expected`: map -> frame, roughly. `chained`: `expected` follows from
+  /// the previous frame, so one match is enough. Otherwise it is a guess, and the result has the
+  /// position by each of the nearest keyframes that match. Empty if none matches.
   std::vector<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
                                       bool chained);
 

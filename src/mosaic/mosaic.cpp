@@ -24,18 +24,18 @@ namespace {
 using mosaic::TileMap;
 
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
-// Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
+// Limit of a frame's scale against the first frame. Beyond it, one map cannot show the plane.
 constexpr double kLargestZoom = 4.0;
-// A frame becomes a keyframe when the keyframes cover less than this share of it: enough for a sure
-// match of the next one.
+// A frame becomes a keyframe if the keyframes cover less than this share of it. This overlap is
+// enough for a sure match of the next frame.
 constexpr double kKeyframeOverlap = 0.6;
-// A frame is drawn when the view has moved by this share of its width: less adds nothing to see.
+// A frame is drawn if the view has moved by this share of its width. Less would hardly be visible.
 constexpr double kLeastMotion = 0.03;
-// Frames that are not connected are searched in the map for this time, s, and for so many frames at
-// least: photographs come seldom, and one or two may be blurred.
+// Frames without a connection are searched for in the map for this time (s), and for at least this
+// many frames: photographs come seldom, and one or two may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
-constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
+constexpr std::int64_t kPredictable = 100'000'000;  // ns; within it 3 m/s² move a camera by 15 mm
 // If two keyframes predict places of the frame that are farther apart than this share of its
 // shorter side, the ground has two places that look alike. (Repetition at shorter distances is
 // detected in the frame itself.) Smaller differences are normal: keyframes of a large map may have
@@ -43,8 +43,8 @@ constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
-// px of deviation from a plane. Measured: 0.02 in a flight over flat ground, 0.3 over a table that
-// is filmed by hand, 0.8 over a patio.
+// Deviation from a plane that means parallax, px. Measured: 0.02 in a flight over flat ground, 0.3
+// over a table that is filmed by hand, 0.8 over a patio.
 constexpr double kParallax = 0.5;
 
 std::size_t tilesFor(const MosaicOptions& options) {
@@ -110,23 +110,23 @@ struct Mosaic::Impl {
   cv::Mat grey;
   cv::Mat colour;
   cv::Mat exposed;  // colour with the brightness of the map
-  cv::Mat seen;     // the newest frame, BGR, if it is not drawn: the map ends with it
+  cv::Mat seen;     // newest frame (BGR) if it is not drawn yet; image() draws it
   std::optional<Eigen::Matrix3d> seen_pose;
 
   std::optional<Eigen::Matrix3d> last;      // map -> the last frame with a known position
   std::int64_t last_stamp = 0;              // stamp of that frame
-  std::optional<Features> last_features;    // its own, unless it is a keyframe
-  std::optional<Eigen::Vector2d> velocity;  // velocity of its middle, px of the map per ns
+  std::optional<Features> last_features;    // features of that frame, unless it is a keyframe
+  std::optional<Eigen::Vector2d> velocity;  // velocity of the frame's middle, px of the map per ns
   std::optional<Eigen::Matrix3d> pose;      // pose of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // pose of the last drawn frame
   std::int64_t followed = 0;                            // stamp of the newest homography
   std::int64_t interval = 0;                            // ns between two homographies
-  std::int64_t after_gap = 0;                           // stamp of the last one that came late
+  std::int64_t after_gap = 0;  // stamp of the last homography that came late
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
-  int lost_frames = 0;  // frames lost since then
+  int lost_frames = 0;  // frames lost since lost_since
   LostBecause reason = LostBecause::nothing;
-  int unchecked = 0;  // frames since a keyframe was found
+  int unchecked = 0;  // frames since the last match to a keyframe
   bool is_full = false;
   std::size_t maps = 0;
 
@@ -164,7 +164,7 @@ struct Mosaic::Impl {
   }
 
   bool hasRoom() const {
-    // Enough for a map without gaps, and a limit when the camera stays over the same place.
+    // This number is enough for a map without gaps, and a limit for a camera over one place.
     const double most = 1e6 * options.max_megapixels / (0.3 * size.area());
     return options.keyframes && !is_full && keyframes.size() < static_cast<std::size_t>(most) + 1;
   }
@@ -191,7 +191,7 @@ struct Mosaic::Impl {
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
-  /// A homography that comes much later than the ones before may lead over several periods.
+  /// Notes a homography that comes late: it may lead over several periods of repetitive ground.
   void noteGap(std::int64_t stamp) {
     constexpr std::int64_t kLate = 3;  // intervals
     const std::int64_t passed = stamp - followed;
@@ -205,10 +205,9 @@ struct Mosaic::Impl {
     return velocity && stamp - last_stamp < kPredictable;
   }
 
-  /// Whether the pose may be wrong by a period of ground that repeats: it is more than half a
-  /// period from the place that the last velocity predicts or, where that velocity is old or the
-  /// frame has moved by half a period since, from the place that the chain of homographies
-  /// predicts. True if neither is known.
+  /// Whether the pose may be wrong by a period of repetitive ground: it is more than half a period
+  /// from the prediction by the last velocity. If that velocity is old, or the frame has moved by
+  /// half a period since, the chain of homographies predicts. True if neither is known.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -230,8 +229,9 @@ struct Mosaic::Impl {
     return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
   }
 
-  /// Where the map and the chain of homographies lead to two places that look the same: the place
-  /// nearer to the prediction of the last velocity. Empty if no velocity is known.
+  /// Chooses between the places by the map and by the chain of homographies. If the ground looks
+  /// the same at both, takes the place nearer to the prediction of the last velocity, or none if
+  /// the last placed frame is too old. Otherwise takes the place by the map.
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
                                              const Eigen::Matrix3d& by_chain) const {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
@@ -317,7 +317,7 @@ struct Mosaic::Impl {
     if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
       return lose(stamp, LostBecause::repeats);
     }
-    // A frame after a gap overlaps most with the frames just before it.
+    // A frame after a gap overlaps most with the last frame before it, which becomes a keyframe.
     if (!expected && last_features && hasRoom() &&
         keyframes.coverage(size, *last) < kCoveredBeforeGap) {
       keyframes.add(std::move(*last_features), *last);

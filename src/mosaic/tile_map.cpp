@@ -11,11 +11,11 @@
 namespace ktgp_orb::mosaic {
 namespace {
 
-// The existing picture counts as at most this many frames: new content appears soon, noise averages
-// out.
+// Limit of a pixel's weight. The existing picture counts as at most three frames, so new content
+// appears soon and noise averages out.
 constexpr int kMaxWeight = 3 * 255;
 
-// Sample distance for the gain. Pixels at the ends of the range may be clipped and are not used.
+// Distance between samples for the gain. Very dark or bright pixels, maybe clipped, are left out.
 constexpr int kGainStep = 8;  // px
 constexpr int kLeastGainSamples = 100;
 constexpr int kDark = 8;
@@ -135,7 +135,7 @@ bool TileMap::drawTile(const Place& place, const cv::Mat& frame, const Eigen::Ma
                                      cv::Mat::zeros(region.size(), CV_16UC1)})
                 .first;
   }
-  // Repeats the last pixels beyond the border of the frame; black would darken the rim.
+  // Repeats the last pixels beyond the border of the frame, because black would darken the rim.
   cv::warpPerspective(frame, patch_, homography, region.size(), cv::INTER_LINEAR,
                       cv::BORDER_REPLICATE);
   Tile& tile = found->second;

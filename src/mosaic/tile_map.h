@@ -8,27 +8,25 @@
 
 namespace ktgp_orb::mosaic {
 
-/// A picture of unlimited size, in square tiles that exist only where something was drawn: memory
-/// grows with the covered area.
+/// A picture of unlimited size. Its square tiles exist only where something was drawn, so the
+/// memory grows with the covered area.
 class TileMap {
  public:
   static constexpr int kTileSize = 256;  ///< px
 
-  /// `max_tiles`: maximum number of tiles.
   explicit TileMap(std::size_t max_tiles) : max_tiles_(max_tiles) {}
 
   void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }
 
   /// Draws a frame (CV_8UC3) at the position `to_map` and blends it with the existing picture. The
-  /// weight of a pixel falls towards the border of its frame, so there are no seams. False if a
-  /// part did not fit.
+  /// weight of a pixel falls towards the border of its frame, so there are no seams. Returns false
+  /// if a part of the frame would have needed more than `max_tiles`.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
-  /// The factor that gives the frame the brightness of the map below it. 1 if the overlap is too
-  /// small.
+  /// Factor that gives the frame the brightness of the map below it; 1 if the overlap is too small.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
-  /// Bounds of what was drawn, px of the map; empty at first.
+  /// Bounds of the drawn part, px of the map; empty before the first draw().
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
   /// The area as CV_8UC4, alpha 0 for unseen parts; `scale` in (0, 1] makes it smaller.

@@ -23,7 +23,7 @@ Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector
   const Eigen::Vector3d axis = from.cross(to);
   const double sine = axis.norm();
   const double cosine = from.dot(to);
-  // Opposite directions: any axis across them will do, and the product is mostly rounding.
+  // For opposite directions the cross product is mostly rounding. Any perpendicular axis will do.
   const double least = cosine < 0.0 ? 1e-8 : 0.0;
   return rotationAbout(std::atan2(sine, cosine) *
                        (sine > least ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
@@ -49,7 +49,7 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground) {
   CameraPose pose;
   pose.axes = (svd.matrixU() * svd.matrixV().transpose()).transpose();
   pose.position = -(pose.axes * m.col(2));
-  if (pose.position.z() < 0.0) {  // the factor is negative: the first two axes point the other way
+  if (pose.position.z() < 0.0) {  // the factor is negative, so the first two axes are reversed
     pose.axes.topRows<2>() *= -1.0;
     pose.position.z() *= -1.0;
   }

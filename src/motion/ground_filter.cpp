@@ -16,15 +16,15 @@ using util::whiteningOf;
 
 namespace {
 
-/// The problem of estimation::RobustFit: the pose whose homography from a map is nearest to the
-/// seen one, in units of its deviation.
+/// The problem for estimation::RobustFit: find the pose whose homography from `map` is nearest to
+/// the seen homography, in units of the deviation of its entries.
 struct PoseProblem {
   using State = CameraPose;
   Vector8 seen;  // entries of the homography
   SmallMatrix whitening;
   Eigen::Matrix3d map;
 
-  /// The position moves in units of the height.
+  /// The step of the position is in units of the height.
   static CameraPose moved(const CameraPose& pose, const estimation::Step& step) {
     Vector6 change = step;
     change.head<3>() *= pose.position.z();
@@ -40,13 +40,13 @@ struct PoseProblem {
   }
 };
 
-/// The most likely pose whose homography from `map` is `seen`.
+/// The most likely pose if the homography from `map` is `seen`; empty if no pose fits.
 std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix& whitening,
                                  const Eigen::Matrix3d& map) {
   auto pose = poseFrom(seen * map.inverse());
   if (!pose) return std::nullopt;
   estimation::FitRules rules;
-  rules.most_steps = 8;    // near the start three are enough
+  rules.most_steps = 8;    // three are enough if the start is near
   rules.converged = 1e-9;  // rad, and share of the height
   rules.longest = 0.5;
   const PoseProblem problem{entriesOf(seen), whitening, map};
@@ -73,8 +73,8 @@ void GroundFilter::setReadout(double seconds) {
 void GroundFilter::limitReadout(double seconds) {
   const double beyond = std::abs(readout_) - seconds;
   if (!(beyond > 0.0)) return;
-  // The bound is no measurement: one that shrinks the covariance with each image would soon be sure
-  // of a readout time at the bound.
+  // The bound is not a measurement, so it must not shrink the covariance. Otherwise the filter
+  // would soon be sure of a readout time at the bound.
   const double back = readout_ > 0.0 ? -beyond : beyond;
   correct(back / covariance_(kReadout, kReadout) * covariance_.col(kReadout));
 }
@@ -91,8 +91,8 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
   moveFrame();
 }
 
-/// Moves the filter's frame below the newest pose: the errors of x, y and yaw of the pose become
-/// errors of the frame. Drops the state of the map and of the pose before.
+/// Moves the filter's frame below the newest pose, so that the errors of x, y and yaw of the pose
+/// become errors of the frame. Drops the states of the map and of the previous pose.
 void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
@@ -206,15 +206,15 @@ Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
   return covarianceOfBoth() - times(known.transpose(), known);
 }
 
-/// The homography without the rolling shutter, as far as it is known.
+/// The homography without the effect of the rolling shutter, by the present readout time.
 Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> h = motion.homography;
   Eigen::Map<Vector8>(h.data()) += readout_ * motion.by_readout;
   return h;
 }
 
-/// The part of the state that starts at `begin` becomes `slope` times the state plus noise with the
-/// covariance `noise`.
+/// Updates the covariance: the part of the state that starts at `begin` becomes `slope` times the
+/// state plus noise with the covariance `noise`.
 void GroundFilter::replace(int begin, const SmallRef& slope, const SmallRef& noise) {
   const Eigen::Index n = slope.rows();
   covariance_.middleRows(begin, n) = times(slope, covariance_);
@@ -253,7 +253,7 @@ std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
   return innovation;
 }
 
-/// The most likely pose for the homography with `noise` times its variances.
+/// Fits the most likely pose to the homography, whose variances are multiplied by `noise`.
 bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
   if (!whitening) return false;
@@ -300,9 +300,9 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
   const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
   const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
   const Matrix86 by_keyframe =
-      -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));  // entries
+      -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));  // change of the entries
   const Matrix6 follows =
-      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // the pose
+      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // change of the pose
   SeenTurn seen{keyframe->axes.transpose() * pose->axes, covariance.bottomRightCorner<3, 3>()};
   seen.by_tilt = follows.bottomRightCorner<3, 3>() - seen.rotation.transpose();
   return seen;
@@ -318,8 +318,8 @@ Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& 
   return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
-/// Kalman's update with noise of Student's t distribution: a reading that differs by more than
-/// normal noise gets a larger variance, so a wrong one can do little harm.
+/// Kalman update with noise of Student's t distribution: a reading that differs by more than normal
+/// noise gets a larger variance, so that an outlier can do little harm.
 void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
   const double misfit = innovationOf(residual, slope, variance).misfit;
   if (!std::isfinite(misfit)) return;
@@ -329,8 +329,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
   expected.diagonal().array() += noise;
   const SmallMatrix gain = times(cross_covariance, inverseOf(expected));
   correct(times(gain, residual));
-  // Joseph's form, (I - K S) P (I - K S)' + K R K': one factor alone rounds to an indefinite matrix
-  // where readings are nearly exact.
+  // Joseph's form, (I - K S) P (I - K S)' + K R K'. The short form (I - K S) P would round to an
+  // indefinite matrix if readings are nearly exact.
   covariance_ -= times(gain, cross_covariance.transpose());
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
   covariance_ += noise * times(gain, gain.transpose());
@@ -339,7 +339,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
 
 namespace {
 
-/// The pose, turned about the keyframe and scaled about the ground below it.
+/// Turns the pose about the keyframe at `center`, then scales it about the point of the ground
+/// below the keyframe.
 CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
                       const Eigen::Vector3d& center) {
   const Eigen::Matrix3d rotation = rotationAbout(turn);
@@ -348,8 +349,8 @@ CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, doubl
 
 }  // namespace
 
-/// The change of the state, to first order, if the ground as a whole is turned about the keyframe
-/// and scaled: both poses move with the ground, so the images do not change.
+/// The change of the state, to first order, if the whole ground turns about the keyframe and is
+/// scaled. Both poses move with the ground, so the images do not change.
 GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
                                              const CameraPose& keyframe) const {
   const auto step_of = [&](const CameraPose& pose) {
@@ -378,9 +379,9 @@ void GroundFilter::widen(double scale_variance, double tilt_variance) {
   for (const int axis : {0, 1}) add(std::sqrt(tilt_variance) * Eigen::Vector3d::Unit(axis), 0.0);
 }
 
-/// Tilt and scale of the ground are far less certain than the poses of the frames to each other, in
-/// the first frames by a factor of a thousand. A step along them is not small, so the rotation and
-/// the scaling themselves are applied to the state; only the rest is added to first order.
+/// The tilt and the scale of the ground are far less certain than the relative poses of the frames,
+/// in the first frames by a factor of a thousand. A step along them is too large for first order,
+/// so they are applied exactly. Only the rest of the step is added to first order.
 void GroundFilter::correct(const State& error) {
   State left = error;
   if (const auto keyframe = poseFrom(map_.inverse())) {

@@ -13,22 +13,23 @@ namespace ktgp_orb::motion {
 using util::SmallMatrix;
 using util::SmallRef;
 
-/// A rotation that pictures show: camera now -> camera then. The covariance is that of small
-/// rotations about the axes of the camera now, rad².
+/// A rotation that the pictures show: camera now -> camera of the keyframe. The covariance (rad²)
+/// is for small rotations about the axes of the camera now.
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Derivative of the small rotations now by those of the camera then: effect of a wrong normal.
+  /// Derivative of these small rotations by small rotations of the keyframe's camera: the effect of
+  /// a wrong normal.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
-/// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
-/// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
+/// Extended Kalman filter of the map of a keyframe and the poses of the two newest frames, with
+/// their joint covariance. Each new pose is a weighted least-squares fit to the homography.
 ///
-/// All poses are in a frame of the keyframe: its origin is below the keyframe, and x, y and yaw of
-/// the keyframe are exact there. The place of that frame in the odometry gets less and less
-/// certain; it is a state of its own. With one frame for all, the derivatives of different times
-/// would disagree, which would turn the large uncertainty of x, y and yaw into wrong corrections.
+/// All poses are in the frame of the keyframe: the origin is below it, and its x, y and yaw are
+/// exact. The place of that frame in the odometry becomes less and less certain, so it is a
+/// separate state. In a single frame for all poses, Jacobians of different times would disagree and
+/// would turn the large uncertainty of x, y and yaw into wrong corrections.
 class GroundFilter {
  public:
   /// First index of each part of the error state: x, y and yaw of the keyframe's frame (3 entries),
@@ -38,38 +39,36 @@ class GroundFilter {
 
   /// Readout time of the shutter, s; 0: a global shutter, -1: not known.
   void setReadout(double seconds);
-  /// An image has been read when the next one begins: the readout time is at most `seconds`.
+  /// Limits the readout time to `seconds`, because an image is read before the next image begins.
   void limitReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 
-  /// A pose in the odometry, without a map.
+  /// Starts with a pose in the odometry, without a map.
   void start(const CameraPose& pose, const Matrix6& covariance);
-  /// Moves the pose on with a twist of the camera in its frame. Then there is no map.
+  /// Predicts the next pose from a twist of the camera in its own frame. Drops the map.
   void predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
                const GroundMotionOptions& options);
-  /// Moves x, y and the yaw of the base to those of `base`, and to the covariance there; height and
-  /// tilt keep theirs. Then there is no map.
+  /// Sets x, y and yaw of the base and their covariance; height and tilt stay. Drops the map.
   void moveBase(const Pose3& base, const Covariance6& covariance_of_base,
                 const Pose3& base_to_camera);
-  /// Makes the reference of `motion` the keyframe. Its pose, if `at_reference`, or else that of the
-  /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which a
-  /// share belongs to the keyframe.
+  /// Makes the reference of `motion` the keyframe. The newest pose belongs to this reference if
+  /// `at_reference` is set, otherwise to the frame that `motion` leads to. `motion` has its full
+  /// covariance, of which a share is due to the keyframe.
   void setKeyframe(const ImageMotion& motion, bool at_reference);
-  /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. The
-  /// homography has eight numbers and a pose six: the two constraints that are left correct the map
-  /// and the readout time. Returns by how many standard deviations they differ from what was
-  /// expected; the noise of such a homography is enlarged as much. Empty, without any change: no
-  /// pose fits.
+  /// Adds a frame: `motion` leads from the keyframe to its pose. A homography has eight parameters
+  /// and a pose has six. The two remaining constraints correct the map and the readout time.
+  /// Returns the innovation of these constraints; if it is large, the homography gets more noise.
+  /// If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// The rotation since the keyframe by this homography alone: no reading of a turn is in it, only
-  /// the plane that is known. Empty: none fits.
+  /// The rotation since the keyframe, from this homography and the known plane. Readings of turns
+  /// are not used. Empty if no pose fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
-  /// Corrects everything by a reading of the newest pose, with the noise that readings of its kind
-  /// have shown, on ground of that number. A reading that differs from the expectation by more than
-  /// noise gets less weight: see update(). Returns its misfit.
+  /// Corrects the state by a reading of the newest pose. `of_kind`: noise that readings of this
+  /// kind have shown; `ground`: number of the ground below. A reading that contradicts the
+  /// prediction gets less weight, see update(). Returns the misfit of the reading.
   template <int kRows>
   double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
@@ -82,29 +81,29 @@ class GroundFilter {
     update(rows.residual, slope, deviation * deviation);
     return innovation.misfit;
   }
-  /// Allows for other ground: adds variances of its height, as a share of the height, and of its
-  /// tilt. Poses and map follow it together.
+  /// Makes the ground less certain: adds variances of its height (as a share of the height) and
+  /// tilt. The poses and the map move with the ground.
   void widen(double scale_variance, double tilt_variance);
 
-  /// In the frame of the keyframe.
+  /// The newest and the previous pose, in the frame of the keyframe.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
-  /// False after numbers that were too large to compute with; the filter must then restart.
+  /// False after an overflow. The filter must then be restarted.
   bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
   /// The newest pose in the odometry, and its covariance.
   CameraPose pose() const;
   Matrix6 covariance() const;
-  /// Writes the height and the pose of the base to `estimate`. `origin`: the error of all lengths
-  /// (scale_deviation) counts from there.
+  /// Writes the height and the pose of the base to `estimate`. `origin`: the point from which the
+  /// relative error of lengths (scale_deviation) counts.
   void report(const Eigen::Vector3d& origin, const GroundMotionOptions& options,
               GroundEstimate& estimate) const;
   /// Standard deviation of the newest pose's tilt about one axis, rad.
   double tiltDeviation() const;
-  /// Joint covariance of the poses before and now.
+  /// Joint covariance of the previous and the newest pose.
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }
-  /// The part of it that is left when the map is known: the errors that differ from frame to frame.
+  /// The part of covarianceOfBoth() that is independent of the map: it differs between frames.
   Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:
@@ -127,8 +126,8 @@ class GroundFilter {
   CameraPose now_;
   double readout_ = 0.0;  // s
   StateCovariance covariance_ = StateCovariance::Zero();
-  // The two constraints of the newest homography, with unit noise, and their derivatives by the
-  // readout time and the map.
+  // The two constraints of the newest homography, scaled to unit noise, and their derivatives by
+  // the readout time and the map.
   Eigen::Vector2d constraints_ = Eigen::Vector2d::Zero();
   Eigen::Matrix<double, 2, kSize> constraints_by_state_ = Eigen::Matrix<double, 2, kSize>::Zero();
 };

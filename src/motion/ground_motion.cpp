@@ -23,10 +23,10 @@ using motion::Innovations;
 using motion::looksDown;
 using motion::Matrix6;
 
-constexpr double kHomographyLimit = 10.0;  // deviations
-constexpr int kPatience = 10;              // frames that are refused, one after the other
+constexpr double kHomographyLimit = 10.0;  // standard deviations
+constexpr int kPatience = 10;              // successive refused frames before a new start
 constexpr double kUnknownTilt = 0.35;      // rad
-constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
+constexpr double kOrigin = 1e-6;  // deviation of the first pose: a share of the height, and rad
 
 }  // namespace
 
@@ -48,8 +48,8 @@ struct GroundMotion::Impl {
   void widenForReadings(const GroundFrame& frame);
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void beginKeyframe(const GroundFrame& frame);
-  /// Over relief each keyframe sees a plane of its own, which slopes as the ground does there. All
-  /// readings until the next keyframe contradict it together.
+  /// Number of the ground for normals, see Innovations. Over relief each keyframe sees its own
+  /// sloping plane, so all readings until the next keyframe contradict it for the same reason.
   std::int64_t seenSlope() const { return relief.isSeen() ? keyframe_stamp : newest_stamp; }
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
@@ -61,16 +61,16 @@ struct GroundMotion::Impl {
   bool has_pose = false;      // whether the frame at last_stamp has a pose
   bool is_connected = false;  // the map of the keyframe is valid
   std::int64_t last_stamp = 0;
-  std::optional<TurnReading> turned;  // since that frame; empty: a reading was missing
-  std::int64_t newest_stamp = 0;      // also of frames without a homography
+  std::optional<TurnReading> turned;  // turn since last_stamp; empty if a reading was missing
+  std::int64_t newest_stamp = 0;      // stamp of the newest frame, even without a homography
   std::optional<Eigen::Matrix3d> newest_homography;
-  std::int64_t before_stamp = 0;  // stamp of the frame before that
+  std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
   bool has_frame = false;
   std::optional<std::int64_t> apart_stamp;  // stamp of the newest frame, if it went back
   int looks_away = 0;                       // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // origin of the lengths
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where the error of the scale is 0
   motion::Velocity velocity;
   motion::Relief relief;
   motion::Shutter shutter;
@@ -79,23 +79,23 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  double turn_given_and_seen = 0.0;  // sums of products, rad²
+  double turn_given_and_seen = 0.0;  // decaying sum of given turn times seen turn, rad²
   double turn_seen = 0.0;
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // rate of the newest turn, rad/s
-  int contradictions = 0;                          // refused frames one after the other
+  int contradictions = 0;                          // successive refused frames
   std::optional<Pose3> destination;                // wanted pose of the base, see setPose()
   Covariance6 destination_covariance = Covariance6::Zero();
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  motion::requireValid(frame);  // the turn of a frame that is refused is missing in the sum
+  motion::requireValid(frame);  // a refused frame leaves a gap in the sum of turns
   turned = turns;
   const std::optional<Eigen::Matrix3d> homography =
       frame.answer ? std::make_optional(frame.answer->homography) : std::nullopt;
   if (has_frame && frame.stamp == newest_stamp) {
-    if (homography == newest_homography) return estimate;  // the same frame
-    is_connected = false;  // the next frame may start from this one, where the pose is not known
+    if (homography == newest_homography) return estimate;  // this frame was added before
+    is_connected = false;  // the next frame may refer to this frame, whose pose is unknown
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
   estimate = {};
@@ -122,9 +122,9 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   return estimate;
 }
 
-/// Whether the frame is left out because its stamp goes back. A single such frame is left out,
-/// since its stamp may be wrong. If the next frame continues from that stamp, the recording was
-/// looped or the clock was set, and everything begins anew.
+/// Whether the frame is left out because its stamp goes back. A single frame may just have a wrong
+/// stamp, so it is left out. If the next frame continues from that stamp, the recording was looped
+/// or the clock was set, and everything begins anew.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   const std::optional<std::int64_t> apart = std::exchange(apart_stamp, std::nullopt);
   if (!has_frame || frame.stamp > newest_stamp) return false;
@@ -138,7 +138,7 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   return true;
 }
 
-/// A state that is not finite would stay so for ever: the next frame begins anew.
+/// Begins anew with the next frame, because a state that is not finite would never recover.
 void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
@@ -158,22 +158,21 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
   const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
-  constexpr int kBelieved = 10;  // this many in a row are believed
+  constexpr int kBelieved = 10;  // longest series of such normals that is ignored
   looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
   if (looks_away > (was_down ? kBelieved : 0)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief the misfit comes from the plane: the readings are widened instead.
+  // Over relief the misfit comes from the plane, so the readings get more noise instead.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   if (is_connection) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
-      // Process noise of height and tilt: the ground of this keyframe may slope against that of the
-      // last one.
+      // Process noise of height and tilt: the slope of the ground may change between keyframes.
       const Eigen::Vector3d position = filter.pose().position;
       const double share = (position - keyframe_position).norm() / position.z();
       const double variance = options.ground_slope * options.ground_slope * share;
@@ -185,7 +184,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   return beginAt(frame, image);
 }
 
-/// A pose for a frame that nothing connects to the frames before it.
+/// Finds a pose for a frame that is not connected to earlier frames.
 GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMotion& image) {
   if (has_pose) return resume(frame, image);
   if (!frame.height) return GroundStatus::no_height;
@@ -208,8 +207,8 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
   return placed(frame, image, GroundStatus::started);
 }
 
-/// After a gap the last velocity leads to the reference, and the homography from there to the
-/// frame. Where the reference is the frame just before, this gives a velocity, too.
+/// After a gap the last velocity predicts the pose. If the reference is the previous frame, its
+/// pose is predicted, and the homography leads from there to the frame and gives a velocity, too.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = sinceLast(frame);
@@ -240,7 +239,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
 }
 
-/// The reference of `image` becomes the keyframe of the newest pose, which no map has led to.
+/// Makes the reference of `image` the keyframe for the newest pose, which was found without a map.
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;
@@ -250,7 +249,6 @@ GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? status : GroundStatus::no_normal;
 }
 
-/// Computes the pose from the homography to the keyframe.
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   const auto innovation = filter.advance(image);
@@ -282,7 +280,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
 
-/// Compares the Imu with the pictures before these are corrected by the readings.
+/// Compares the Imu with the pictures before the readings correct the pose.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
   const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
   if (!frame.turn && !has_down) return;
@@ -292,7 +290,7 @@ void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion&
                  has_down ? frame.down : std::nullopt);
 }
 
-/// For a frame without a connection to earlier ones: height and tilt become unknown, so that the
+/// For a frame without a connection to earlier frames: makes height and tilt unknown, so that the
 /// readings alone determine them.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   const CameraPose placed =
@@ -336,7 +334,7 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   estimate.tilt_deviation = filter.tiltDeviation();
 }
 
-/// Readings are from frame to frame, and poses may be further apart.
+/// Sums the turns between frames, because the next pose may come several frames later.
 void GroundMotion::Impl::addTurn(const GroundFrame& frame) {
   if (!frame.turn) turned.reset();
   if (!turned) return;
@@ -359,8 +357,8 @@ void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
       filter.use(rowsOf(turn, filter.now(), filter.before()), of_turn, newest_stamp);
 }
 
-/// The reference of `image`, which leads to the newest pose, becomes the keyframe, and the pose is
-/// moved to where it was set.
+/// Moves the base to the pose that setPose() asked for, if any. Then the reference of `image`,
+/// which leads to the newest pose, becomes the keyframe.
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   if (destination) {
     filter.moveBase(*destination, destination_covariance, options.camera_to_base.inverse());
@@ -371,7 +369,7 @@ void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& i
   beginKeyframe(frame);
 }
 
-/// The reference of the frame, which leads to the newest pose, has become the filter's keyframe.
+/// Call this when the reference of `frame` has become the filter's keyframe.
 void GroundMotion::Impl::beginKeyframe(const GroundFrame& frame) {
   velocity.beginKeyframe();
   keyframe_stamp = frame.reference_stamp;

@@ -20,16 +20,18 @@ using util::propagated;
 
 constexpr double kBlock = 0.5;     // s
 constexpr double kMemory = 300.0;  // s
-// Standard deviations before anything is known: rad, s, rad/s, rad; of the scale, a share of it.
+// Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
+// and the relative error of the scale.
 constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
-// An unknown with a larger deviation counts as not known.
+// If its deviation is larger, an unknown counts as not known: mounting, delay, bias, scale.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
-// A larger mounting is too far from the first order that is computed with.
+// A larger error of the mounting is too large for the first-order model.
 constexpr double kLargest = 0.35;  // rad
-// Successive differences share a block, so their errors are not independent. Measured on flights.
+// Factor on the variances. Successive differences share a block, so their errors are not
+// independent. Measured on flights.
 constexpr double kShared = 1.5;
-// Limits of a block: least deviation of the noise; least turn, and change of the rate, that show
-// something.
+// Limits of a block: the least deviation of the noise, and the least turn and the least change of
+// the rate that tell something.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
@@ -86,7 +88,7 @@ void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double se
     begin(seen, reference_stamp, gives_turns);
     return;
   }
-  // Camera before -> camera now, by the pictures.
+  // Previous camera -> camera now, by the pictures.
   if (reference_stamp != reference_stamp_) last_ = {};
   const Eigen::Matrix3d step = seen.rotation.transpose() * last_.rotation;
   const Eigen::Matrix3d by_tilt = seen.by_tilt - step * last_.by_tilt;
@@ -138,8 +140,8 @@ void Mounting::endBlock() {
   seconds_ = 0.0;
 }
 
-/// Removes slopes that are only noise, of this variance, or of second order: in time they would
-/// look like knowledge.
+/// Removes slopes that are noise of this variance, or second-order effects. Over time they would
+/// add up to false information.
 void Mounting::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
@@ -158,7 +160,7 @@ void Mounting::learn(Said difference) {
   Eigen::Matrix3d given = difference.covariance;
   given.diagonal().array() += kLeastNoise * kLeastNoise;
   dropNoise(4.0 * noise_ * given.trace(), difference.slope);
-  const int rows = gives_turns_ ? 3 : 2;  // a direction has two
+  const int rows = gives_turns_ ? 3 : 2;  // a direction has two degrees of freedom
   const Eigen::Matrix3d expected = noise_ * given + propagated(difference.slope, covariance_);
   const Eigen::Vector3d residual = difference.value - difference.slope * unknowns_;
   const double misfit = std::sqrt(propagated(residual.transpose(), inverseOf(expected))(0, 0));
@@ -176,9 +178,10 @@ void Mounting::learn(Said difference) {
   solve();
 }
 
-/// The noise and the unknowns depend on each other, but weakly.
+/// Iterates because the noise and the unknowns depend on each other. The dependence is weak, so
+/// three rounds suffice.
 void Mounting::solve() {
-  constexpr double kRows = 10.0;  // measurements that the given noise counts for
+  constexpr double kRows = 10.0;  // the given noise counts as this many measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
       Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
@@ -188,7 +191,7 @@ void Mounting::solve() {
     information.diagonal().array() += prior.array().square().inverse();
     covariance_ = inverseOf(information);
     unknowns_ = covariance_ * weighted_ / noise_;
-    const double used = (covariance_ * seen).trace();  // rows that the unknowns take
+    const double used = (covariance_ * seen).trace();  // degrees of freedom of the unknowns
     const double rest =
         square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
     noise_ = (std::max(rest, 0.0) + kRows) / (std::max(rows_ - used, 0.0) + kRows);
@@ -228,8 +231,8 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     is_known = is_known || std::isfinite(deviation);
   };
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
-  // The unknown is the error as a share of the reading, not of the truth; the bias that remains is
-  // in units of the truth.
+  // The filter has the scale error as a share of the reading, and the bias in units of the truth.
+  // The result has the scale error as a share of the truth, and the bias in units of the reading.
   imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);
@@ -253,14 +256,14 @@ namespace {
 constexpr double kDegrees = 180.0 / util::kPi;  // per rad
 constexpr double kMilliseconds = 1e3;           // per s
 
-/// Value and deviation, with the digits that the deviation leaves certain.
+/// Formats a value and its deviation, with the digits that the deviation leaves certain.
 std::string plusMinus(double value, double deviation, const std::string& unit) {
   const double places = -std::floor(std::log10(std::max(deviation, 1e-6)));
   const int digits = static_cast<int>(std::max(places, 0.0));
   return util::format("%.*f +- %.*f %s", digits, value, digits, deviation, unit.c_str());
 }
 
-/// The axes that are shown, e.g. "1.0 +- 0.1 degrees off about x".
+/// Text for the axes whose errors are shown, e.g. "1.0 +- 0.1 degrees off about x".
 template <typename Show>
 std::string axes(const Eigen::Vector3d& values, const Eigen::Vector3d& deviations,
                  const std::string& unit, const Show& is_shown) {
@@ -314,7 +317,7 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  const auto is_another_scale = matters(0.02);         // cheap gyroscopes promise 3 %
+  const auto is_another_scale = matters(0.02);         // cheap gyroscopes are specified to 3 %
   std::string text;
   append("the Imu seems to be mounted ",
          axes(imu.rotation, imu.rotation_deviation, "degrees", turns_too_far), text);

@@ -12,27 +12,28 @@ namespace ktgp_orb::motion {
 /// Finds how an Imu is mounted and stamped, from the difference between its readings and the
 /// rotation that the pictures show.
 ///
-/// The readings of the Imu are turned into each new frame by the rotation of the pictures. The sum
-/// of its turns, or its direction n to the ground, is constant then, but for the mounting m, the
-/// delay d, the bias b and the relative error s of the scale. To first order these change it by
-/// m - w d + b t + s a for turns, where w is the angular velocity and a the turn so far, and by
-/// n x (m - b t) + (w x n) d for directions. For directions, b is a drift of the pictures. A wrong
-/// normal adds three unknowns. The constant drops out of the difference of the means of successive
-/// blocks of half a second. The eleven unknowns follow by weighted least squares that forget within
-/// five minutes, the noise from the residuals.
+/// Each new frame rotates the readings so far into its own axes, by the rotation that the pictures
+/// show. For a perfect Imu, two quantities then stay constant: the sum of its turns less the turns
+/// of the pictures, and its direction n to the ground. A mounting error m, a delay d, a bias b and
+/// a relative scale error s change them. To first order, after a time t, the sum of turns changes
+/// by m - w d + b t + s a, where w is the angular velocity and a the turn so far. The direction
+/// changes by n x (m - b t) + (w x n) d; here b is a drift of the pictures. A wrong normal adds
+/// three unknowns, which makes eleven. The constant cancels in the difference between the means of
+/// successive blocks of half a second. Weighted least squares with a memory of five minutes
+/// estimates the unknowns, and the residuals show the noise.
 class Mounting {
  public:
-  /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
-  /// `reference_stamp`, ns; that is the reference of the last frame, or the last frame. Without
-  /// `turn`, the direction is used.
+  /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
+  /// `reference_stamp` (ns), which is the previous frame or the reference of the previous frame.
+  /// Without `turn`, `down` is used.
   void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
            const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
-  /// Call it after each frame. A frame without add() begins a new sum; the estimates stay.
+  /// Call this after each frame. A frame without add() ends the sum of turns; the estimates stay.
   void endFrame();
-  /// The estimate in the base frame; `to_base`: camera -> base.
+  /// The estimate in the base frame, empty if the motion shows nothing. `to_base`: camera -> base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
-  /// Deviation that a delay and the mounting, where the pictures show them, add to a turn of
-  /// the Imu, rad. `change`: of the angular velocity since the turn before, rad/s.
+  /// Standard deviation of the error of a turn that the delay and the mounting cause, as far as
+  /// known, rad. `change`: of the angular velocity since the previous turn, rad/s.
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
@@ -60,21 +61,21 @@ class Mounting {
   bool was_added_ = false;    // this frame has been added
   bool is_running_ = false;   // the last frame was added
   bool gives_turns_ = false;  // whether the Imu gives turns; otherwise it gives directions
-  int without_turn_ = 0;      // frames, one after the other
-  SeenTurn last_;             // turn of the last frame
+  int without_turn_ = 0;      // successive frames without a turn
+  SeenTurn last_;             // rotation that the last frame showed
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
-  Said turned_;                 // the turns of the Imu since the start, less those of the pictures
+  Said turned_;                 // turns of the Imu since the start, less the turns of the pictures
   Said block_;                  // sum over the block
   int count_ = 0;               // number of frames in the block
   double seconds_ = 0.0;        // length of the block
-  std::optional<Said> before_;  // mean of the block before
+  std::optional<Said> before_;  // mean of the previous block
 
   Information information_ = Information::Zero();
   Unknowns weighted_ = Unknowns::Zero();
   double square_ = 0.0;  // sum of squared residuals, in units of their noise
   double rows_ = 0.0;    // number of measurements in `square_`
-  double noise_ = 1.0;   // variance of the residuals, as a multiple of the one that was given
+  double noise_ = 1.0;   // variance of the residuals, as a multiple of the given variance
   Unknowns unknowns_ = Unknowns::Zero();
   Information covariance_ = Information::Identity();
 };

@@ -12,35 +12,36 @@
 /// Estimates the noise of measurements from their residuals.
 namespace ktgp_orb::motion {
 
-/// How a measurement differs from what was expected.
+/// How a measurement differs from its prediction.
 struct Innovation {
-  double misfit = 0.0;  ///< standard deviations
-  /// Mean square of the noise that this measurement shows: 1 on average if its variance is right.
+  double misfit = 0.0;  ///< difference in standard deviations
+  /// Squared residual less the share that the uncertainty of the prediction explains, divided by
+  /// the given variance. Its mean is 1 if that variance is right.
   double noise = 0.0;
 };
 
-/// Factor on the variance of a measurement that differs from the expectation by `misfit` standard
-/// deviations: from the weight of Student's t distribution with four degrees of freedom (Lange,
-/// Little & Taylor, JASA 1989); 1 within normal noise.
+/// Factor by which to enlarge the variance of a measurement whose misfit is `misfit` standard
+/// deviations. It follows from the weight of Student's t distribution with four degrees of freedom
+/// (Lange, Little & Taylor, JASA 1989), and is 1 within normal noise.
 double studentNoise(double misfit, int dimensions);
 
 /// Estimates the noise of one kind of measurement from its innovations: covariance matching
 /// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
 struct Innovations {
-  double variance = 1.0;     // as a multiple of the given one: running mean
-  int contradictions = 0;    // one after the other, each on other ground
-  bool is_another = false;   // the newest measurement is one of them
+  double variance = 1.0;     // running mean, as a multiple of the given variance
+  int contradictions = 0;    // successive contradictions, each on different ground
+  bool is_another = false;   // the newest measurement is a new contradiction
   std::int64_t ground = -1;  // ground of the newest measurement
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // newest residual, in given deviations
-  std::array<double, 2> steps{};  // squared, to the newest one and to the one before
-  double scatter = 0.0;           // running mean of the smaller steps, see addResidual()
+  std::array<double, 2> steps{};  // squared differences of successive residuals, newest first
+  double scatter = 0.0;           // running mean of the smallest step, see addResidual()
 
-  /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
-  /// have the same cause, so they count once.
+  /// `on`: number of the ground below. Contradictions on the same ground have the same cause, so
+  /// they count once.
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
-    constexpr double kMost = 100.0;  // limit of a single one
-    constexpr double kDoubt = 4.0;   // deviations
+    constexpr double kMost = 100.0;  // limit of the noise of a single measurement
+    constexpr double kDoubt = 4.0;   // standard deviations
     variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
     const bool contradicts = innovation.misfit > kDoubt;
     if (!contradicts) contradictions = 0;
@@ -49,26 +50,26 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
-  /// Drivers give covariances that are too small, so the noise of normals is estimated from the
-  /// differences of successive ones (von Neumann, 1941); a constant error does not show in these.
-  /// The smallest of three successive steps is used, since an outlier makes two large ones.
+  /// Drivers state covariances that are too small. So the noise of normals is estimated from the
+  /// differences of successive residuals (von Neumann, 1941), in which a constant error cancels.
+  /// The smallest of three differences is used, since an outlier makes two large differences.
   void addResidual(const Eigen::Vector3d& newest) {
     constexpr double kMeasurements = 30.0;
-    constexpr double kUsual = 1.48;  // mean of such a square, for variance 1
+    constexpr double kUsual = 1.48;  // mean of the smallest square, for variance 1
     const double step = (newest - residual).squaredNorm();
     scatter += (std::min({step, steps[0], steps[1]}) / kUsual - scatter) / kMeasurements;
     steps = {step, steps[0]};
     residual = newest;
   }
-  /// Deviation that the normals show, in given deviations. A larger scatter than kMost is an error,
-  /// not noise.
+  /// Standard deviation of the normals by their scatter, as a multiple of the given deviation. A
+  /// scatter beyond kMost is an error, not noise.
   double spread() const {
     constexpr double kMost = 10.0;
     return std::clamp(std::sqrt(scatter), 1.0, kMost);
   }
-  /// Variance to add to the state so that it follows readings that contradict it repeatedly: a
-  /// single one has hardly any effect, and after about five the state follows them. The first
-  /// `ignored` ones add nothing.
+  /// Variance to add to the state so that it follows readings that contradict it repeatedly. A
+  /// single contradiction has hardly any effect, and after about five the state follows the
+  /// readings. The first `ignored` contradictions add nothing.
   double doubt(double residual, int ignored) const {
     constexpr double kShare = 0.02;
     if (!is_another) return 0.0;
@@ -76,41 +77,41 @@ struct Innovations {
   }
 };
 
-/// How far the ground is from flat, as far as the deviation of pictures from a plane tells it.
+/// How far the ground is from flat, estimated from the deviations of pictures from a plane.
 ///
-/// A single picture deviates from a plane by chance, too; relief shows in nearly all of them. Then
-/// the picture shows a plane that is not quite the mean ground to which the readings refer.
+/// A single picture may deviate from a plane by chance, but relief shows in nearly all pictures.
+/// The plane in a picture then differs a little from the mean ground, to which the readings refer.
 class Relief {
  public:
-  /// `deviation` from a plane, for a focal length of 1; `parallax`: distance from the keyframe, as
-  /// a share of the height.
+  /// `deviation`: deviation of the picture from a plane, for a focal length of 1. `parallax`:
+  /// distance from the keyframe, as a share of the height.
   void add(double deviation, double parallax);
   bool isSeen() const;
-  /// The reading, widened by the deviation of the seen plane from the mean ground.
+  /// Enlarges the deviation of a reading, because the seen plane is not the mean ground.
   HeightReading widened(HeightReading reading) const;
   DownReading widened(DownReading reading) const;
 
  private:
   double share_ = 0.0;  // share of the pictures that deviate from a plane
-  double size_ = 0.0;   // standard deviation of the ground from the seen plane, share of the height
+  double size_ = 0.0;   // deviation of the ground from the seen plane, as a share of the height
 };
 
-/// How large the noise of a twist is, compared with its covariance.
+/// Share of the covariance of a twist that is really noise.
 ///
-/// The covariance of a homography is right for the homography. A part of its error is alike from
-/// frame to frame and cancels in a velocity, and how large that part is depends on the pictures.
-/// But over six frames a camera moves smoothly, and noise does not: the fourth difference of
-/// successive twists is noise, plus motion where that is rough. So the noise never looks too small,
-/// and the covariance is its upper limit.
+/// A part of the error of a homography is the same in successive frames and cancels in a velocity.
+/// How large this part is depends on the pictures, so the covariance of the homography is only an
+/// upper limit. Over six frames a camera moves smoothly, but noise does not: the fourth difference
+/// of successive twists is noise. Rough motion adds to this difference, so the noise is never
+/// underestimated.
 ///
-/// Turning, approach and shift (what is left of the two velocities along the picture when turning
-/// and approach are known) have each their own share.
+/// Three parts of the twist have their own share: turning, approach and shift. Shift is the motion
+/// along the picture that remains once turning and approach are known.
 class TwistNoise {
  public:
-  /// The next twist is the first one from a keyframe. It has the errors of the keyframe, too.
+  /// Announces the first twist from a new keyframe. Its errors include the errors of the keyframe.
   void beginKeyframe() { count_ = -1; }
-  /// The next twist of the camera in its own frame, over `seconds`, at this height. `noise`: the
-  /// part of its covariance that is independent of other frames.
+  /// Adds the next twist of the camera in its own frame, over `seconds`, at this height. `noise`:
+  /// the part of the twist's covariance that is independent of other frames.
   void add(const Vector6& twist, const Matrix6& noise, double seconds, double height);
   /// `noise` of the newest twist, scaled by the measured shares.
   Matrix6 scaled(const Matrix6& noise) const;
@@ -118,14 +119,14 @@ class TwistNoise {
  private:
   static constexpr int kTwists = 5;
 
-  /// The next twists do not follow the ones before. If the first twist of a keyframe has not come
-  /// yet, it is still expected.
+  /// Starts a new series, because the next twist does not follow the previous twists. If the first
+  /// twist of a keyframe has not come yet, it is still expected.
   void restart() { count_ = std::min(count_, 0); }
 
-  std::array<Vector6, kTwists> twists_;  // the newest first
-  int count_ = -1;  // number of twists from one keyframe, without the first one
+  std::array<Vector6, kTwists> twists_;  // newest twist first
+  int count_ = -1;  // number of successive twists, without the first twist of a keyframe
   double seconds_ = 0.0;
-  // Running means over 30 and over 300 twists, for turning, approach and shift.
+  // Running means of the shares over 30 and over 300 twists: turning, approach and shift.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
   double learned_ = 0.0;  // number of twists so far

@@ -7,19 +7,19 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// Readings said to be exact keep a little noise: a share of the height, and rad.
+// Least deviation of a reading, as a share of the height or in rad. Readings may claim to be exact.
 constexpr double kLeastDeviation = 1e-6;
 
-// A beam that sinks less per metre says little about the height, or nothing.
+// A beam that sinks less than this per metre shows the height badly or not at all.
 constexpr double kLeastSink = 0.1;
 
-/// Change of the entries of h, with h(2,2) = 1, for a change of h by d.
+/// Change of the first eight entries if h changes by d and is then normalised to h(2,2) = 1.
 Vector8 entriesChange(const Eigen::Matrix3d& h, const Eigen::Matrix3d& d) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> change = d - d(2, 2) * h;
   return Eigen::Map<const Vector8>(change.data());
 }
 
-/// The matrix whose entry `i`, row by row, is 1.
+/// The matrix whose entry `i` (counted row by row) is 1 and whose other entries are 0.
 Eigen::Matrix3d unit(int i) {
   Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
   m(i / 3, i % 3) = 1.0;
@@ -44,8 +44,8 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
     slope.col(i) =
         entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
   }
-  // Pictures without noise, as of a simulation, have a deviation of nearly 0. The errors of the
-  // filter's linear steps are larger than that, and its covariance would become indefinite.
+  // Simulated pictures without noise have a deviation of nearly 0. The linearisation errors of the
+  // filter are larger, and its covariance would become indefinite.
   constexpr double kLeast = 1e-6;  // share of the focal length: 0.0005 px for 500 px
   motion.covariance = slope * covariance * slope.transpose();
   motion.covariance.diagonal().array() += kLeast * kLeast;
@@ -80,7 +80,7 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
 }
 
 bool looksDown(const Eigen::Vector3d& down) {
-  constexpr double kHorizon = 0.1;  // share of the optical axis along the direction to the ground
+  constexpr double kHorizon = 0.1;  // cosine of the angle between the optical axis and the normal
   return down.z() > kHorizon;
 }
 

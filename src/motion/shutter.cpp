@@ -11,7 +11,7 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// Entries of a matrix up to multiples of I, which move no point.
+/// First eight entries of a matrix less a multiple of I, since a multiple of I moves no point.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
       m - m(2, 2) * Eigen::Matrix3d::Identity();
@@ -60,10 +60,11 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   motion_ = motion;
   if (size.empty() || !flow_.allFinite()) return Vector8::Zero();
 
-  // Least squares over a grid of points of the reference that the frame shows.
+  // Least squares over a grid of points in the reference. Points that the frame does not show are
+  // left out.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
-  const double share_of_row = camera(1, 1) / size.height;  // share of the readout time
+  const double share_of_row = camera(1, 1) / size.height;  // share of the readout time, per y
   Matrix8 information = Matrix8::Zero();
   Vector8 sum = Vector8::Zero();
   int count = 0;
@@ -95,8 +96,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   return change.allFinite() ? change : Vector8::Zero();
 }
 
-/// A Kalman filter of a constant flow. Its gain, for each direction of the flow, follows from how
-/// much more than noise the flow has changed so far.
+/// A Kalman filter of a constant flow. The gain along each eigenvector of the changes follows from
+/// how far the changes so far exceed noise.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);
@@ -108,7 +109,7 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   }
   const Vector8 change = root.matrixL().solve(seen - flow_);
   change_ += (change * change.transpose() - change_) / changes_;
-  // Noise alone gives such a mean about this largest eigenvalue (Marchenko and Pastur).
+  // With noise alone, this is about the largest eigenvalue of the mean (Marchenko and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
   const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);

@@ -7,19 +7,17 @@
 
 namespace ktgp_orb::motion {
 
-/// Effect of a rolling shutter on homographies.
+/// A row below the middle row is exposed later, by its share of the readout time. Meanwhile the
+/// picture moves; successive homographies show this flow. Moving the points of both pictures back
+/// to the time of the middle row gives the homography of a global shutter. To first order, it
+/// differs from the seen homography by the readout time times a vector, which this class finds.
 ///
-/// Row y is exposed later than the middle row by its share of the readout time. Until then the
-/// picture has moved on by its flow, which successive homographies tell. Points of both pictures
-/// moved back to the time of their middle row give the homography of a global shutter; to first
-/// order it differs from the seen one by the readout time times a vector, which this finds.
-///
-/// The flow is filtered. It has its noise in common with the homography that it explains: without
-/// the filter, a steady motion shows a shutter that is not there.
+/// The flow is filtered because it shares its noise with the homography that it explains. Without
+/// the filter, a steady motion would show a rolling shutter that does not exist.
 class Shutter {
  public:
-  /// The next homography, from the frame at `reference_stamp` (ns) to that at `stamp`. Returns what
-  /// is to be added to its entries per second of the readout time. 0 for an empty `size`, px.
+  /// Adds the homography from the frame at `reference_stamp` (ns) to the frame at `stamp`. Returns
+  /// the correction of its entries per second of the readout time; 0 if `size` (px) is empty.
   Vector8 add(const ImageMotion& motion, std::int64_t stamp, std::int64_t reference_stamp,
               const cv::Size& size, const Eigen::Matrix3d& camera);
 
@@ -33,8 +31,8 @@ class Shutter {
   // x has moved to the projection of (x, 1) + dt F (x, 1).
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
-  // Running mean of the squares of the changes of the flow, in units of its noise; and the number
-  // of changes.
+  // Running mean of the outer product of the changes of the flow, whitened by the noise of the
+  // flow; and the number of changes.
   Matrix8 change_ = Matrix8::Zero();
   double changes_ = 0.0;
 };

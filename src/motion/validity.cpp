@@ -26,7 +26,7 @@ void requireUsable(const char* name, const std::optional<Reading>& reading) {
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
 }
 
-/// Whether a point of the reference is in the image, as of every homography that was matched.
+/// Whether some point of the reference falls into the image, as with every matched homography.
 bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
   constexpr int kSteps = 8;
   for (int i = 0; i <= kSteps; ++i) {

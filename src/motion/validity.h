@@ -6,9 +6,9 @@ namespace ktgp_orb::motion {
 
 /// Throws std::invalid_argument, which names the option and its range.
 void requireValid(const GroundMotionOptions& options);
-/// Throws std::invalid_argument, which names what is not usable.
+/// Throws std::invalid_argument, which names the part of the frame that is not usable.
 void requireValid(const GroundFrame& frame);
-/// Whether it is finite and positive definite.
+/// Whether the covariance is finite and positive definite.
 bool isUsable(const Covariance8& covariance);
 
 }  // namespace ktgp_orb::motion

@@ -12,7 +12,7 @@ namespace {
 
 using util::propagated;
 
-/// Twist of the camera in its own frame, since the pose before.
+/// Velocity of the camera since the previous pose, in the camera's frame at that pose.
 Eigen::Vector3d newestVelocity(const GroundFilter& filter, double seconds) {
   const CameraPose& before = filter.before();
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;
@@ -38,9 +38,9 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   noise_.add(twist_, noise, seconds, filter.now().position.z());
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
   if (!std::exchange(is_measured_, true)) return;
-  // A Kalman update by the last velocity, from which this one differs by an unknown acceleration.
-  // It matters where the pictures tell less: near the ground few features are in view, and a
-  // rotation looks like a translation.
+  // A Kalman update by the last velocity, which differs from the new velocity by an unknown
+  // acceleration. It matters if the pictures show little: near the ground few features are in view,
+  // and a rotation looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();
@@ -85,8 +85,8 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
       scale_variance * velocity * velocity.transpose();
 }
 
-/// The largest change of velocity that is plausible: a vehicle accelerates, and noise is a pixel or
-/// two, which is metres from a large height.
+/// The largest plausible change of velocity. A vehicle accelerates, and the noise of a pixel or two
+/// is metres from a large height.
 double Velocity::largestChange(const GroundFilter& filter, double seconds,
                                double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s

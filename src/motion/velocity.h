@@ -9,38 +9,38 @@
 
 namespace ktgp_orb::motion {
 
-/// The velocity of the camera, from pose to pose, and whether a new pose can follow it: the
-/// homography may be off by a period of repetitive ground.
+/// The velocity of the camera between successive poses. This class also judges whether a new pose
+/// is plausible, because a homography may be off by a period of repetitive ground.
 class Velocity {
  public:
   /// Starts without a velocity: the camera may stand still or move.
   void start(const GroundMotionOptions& options);
-  /// Forgets the last velocity: the next pose does not follow from the one it led to.
+  /// Forgets the last velocity, because the next pose does not follow from it.
   void interrupt() { is_measured_ = false; }
   void beginKeyframe() { noise_.beginKeyframe(); }
-  /// Measures the velocity from the pose before to the pose now. `seconds`: between them;
-  /// `since_last`: since the last velocity. `is_flat`: the noise of the pictures shows in it, see
-  /// TwistNoise.
+  /// Measures the velocity between the filter's last two poses, which are `seconds` apart.
+  /// `since_last`: time since the last velocity, s. `is_flat`: the ground is flat, so the
+  /// covariance is reduced to the noise that the twists show, see TwistNoise.
   void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
                bool is_flat);
 
   /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
-  /// The readings of a frame, predicted for its reference, `seconds` before it, by the velocity
-  /// that was measured `gap` seconds before the frame.
+  /// Predicts the readings of a frame at its reference, which is `seconds` earlier. It uses the
+  /// velocity that was measured `gap` seconds before the frame.
   GroundFrame atReference(GroundFrame frame, double seconds, double gap,
                           const GroundMotionOptions& options) const;
 
   /// Writes the twist of the base to `estimate`.
   void report(const GroundMotionOptions& options, GroundEstimate& estimate) const;
 
-  /// Whether the pose now is farther from where the last velocity leads than a vehicle can go.
+  /// Whether the newest pose needs a larger change of velocity than a vehicle can make.
   bool isJump(const GroundFilter& filter, double seconds, double since_last) const;
-  /// Whether the pose of the frame at `stamp`, which is a jump, and those of the frames just before
-  /// it, which were refused, are one motion. Then the velocity before them is of no use any more.
-  /// `before`: stamp of the frame before. `is_measured`: the filter has the pose of that frame, so
-  /// it gives the velocity; otherwise it has the pose of the last frame that was not refused.
+  /// Whether the frame at `stamp`, whose pose is a jump, and the refused frames just before it
+  /// agree on one motion. The velocity before them is then obsolete. `before`: stamp of the
+  /// previous frame. `is_measured`: the filter's previous pose is the pose of that frame and gives
+  /// a velocity; otherwise it is the pose of the last frame that was accepted.
   bool isBelieved(const GroundFilter& filter, std::int64_t stamp, std::int64_t before,
                   std::int64_t keyframe_stamp, bool is_measured);
 
@@ -56,7 +56,7 @@ class Velocity {
   std::int64_t refused_keyframe_ = 0;
   Eigen::Vector3d refused_position_ = Eigen::Vector3d::Zero();  // in the filter's frame
   std::optional<Eigen::Vector3d> refused_velocity_;             // in the camera's frame
-  int agree_ = 0;  // refused frames one after the other that continue each other
+  int agree_ = 0;  // successive refused frames that agree on one motion
 };
 
 }  // namespace ktgp_orb::motion

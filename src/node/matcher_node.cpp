@@ -1,4 +1,4 @@
-// The matcher as a standalone program: loads the same nodelet as a manager.
+// The matcher as a standalone program, which loads the same nodelet as a nodelet manager does.
 
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -9,7 +9,7 @@
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
   cv::setNumThreads(
-      1);  // the matcher has its own threads; in a manager OpenCV's setting is not changed
+      1);  // the matcher has its own threads; the nodelet in a manager keeps OpenCV's setting
   try {
     nodelet::Loader loader;
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",

@@ -11,12 +11,12 @@ namespace ktgp_orb {
 
 /// A callback queue with its own thread.
 ///
-/// A nodelet does not use the manager's threads for its callbacks: a manager's thread in a callback
-/// keeps the nodelet alive, and would destroy it after the unloading has returned, when the other
-/// callback queue no longer exists.
+/// Callbacks of a nodelet do not run in the manager's threads. Such a thread keeps the nodelet
+/// alive during a callback and could destroy it after the unloading has returned, when the
+/// manager's other callback queue no longer exists.
 class CallbackThread {
  public:
-  /// For ros::NodeHandle::setCallbackQueue. A queue that nobody uses gets no thread.
+  /// For ros::NodeHandle::setCallbackQueue. A queue on which use() is never called gets no thread.
   ros::CallbackQueue* use() {
     is_used_ = true;
     return &callbacks_;
@@ -28,8 +28,8 @@ class CallbackThread {
   void start() {
     if (is_used_) spinner_.start();
   }
-  /// Ends all callbacks: a disabled queue accepts no more of them, and stopping its spinner waits
-  /// for the running one. Destroy what the callbacks use only after this.
+  /// Ends all callbacks: a disabled queue accepts no more callbacks, and stopping its spinner waits
+  /// for the running one. Call this before you destroy anything that the callbacks use.
   void stop() {
     callbacks_.disable();
     spinner_.stop();

@@ -1,6 +1,5 @@
-// Compressed images where compressed_image_transport is not installed; Debian 12 does not have it.
-// The plugin has a name of its own, so that no other node of the machine uses it in place of that
-// one.
+// Decodes compressed images if compressed_image_transport is not installed; Debian 12 does not have
+// it. The plugin has its own name, so that other nodes of the machine do not use it.
 #include <image_transport/simple_subscriber_plugin.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <pluginlib/class_list_macros.hpp>

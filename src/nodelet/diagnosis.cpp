@@ -15,11 +15,10 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr double kMaxDropShare = 0.5;           // above it the input gets a warning
-constexpr double kLateError = 4.0;              // an error from this multiple of max_latency on
-constexpr double kImplausibleLatency = 3600.0;  // s; stamps of another clock, not slow work
-// ROS_*_THROTTLE does not fit: it is shared by all nodelets of a process, and silent while ROS time
-// is zero.
+constexpr double kMaxDropShare = 0.5;           // share of dropped input that gives a warning
+constexpr double kLateError = 4.0;              // multiple of max_latency that gives an error
+constexpr double kImplausibleLatency = 3600.0;  // s; more means stamps of another clock
+// We avoid ROS_*_THROTTLE: all nodelets of a process share it, and it is silent at ROS time zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr const char* kIdle = "idle: no subscriber on any output";
 constexpr const char* kArrived = "arrived";
@@ -28,7 +27,7 @@ double ratio(double part, double whole) {
   return whole > 0.0 ? part / whole : 0.0;
 }
 
-/// A problem is not reported again if only its numbers change.
+/// Removes the digits, since a problem is not logged again if only its numbers change.
 std::string withoutNumbers(std::string text) {
   text.erase(std::remove_if(text.begin(), text.end(),
                             [](unsigned char c) { return c >= '0' && c <= '9'; }),
@@ -104,7 +103,7 @@ void Diagnosis::refuse(const std::string& reason) {
 double Diagnosis::done(const ros::Time& stamp, Clock::time_point start) {
   const double milliseconds = util::millisecondsSince(start);
   const ros::Time now = ros::Time::now();
-  // ros::Duration throws beyond 68 years; this accepts the stamps of any camera.
+  // Subtract seconds, since ros::Duration throws beyond 68 years and cameras may send any stamps.
   const double latency = stamp.isZero() || now.isZero() ? 0.0 : now.toSec() - stamp.toSec();
   count(kDone);
   const Lock lock(mutex_);
@@ -262,7 +261,7 @@ void Diagnosis::reportWork(Report& report) {
   }
 }
 
-// A simulated clock that never started gives no latency; stamps of another clock give none either.
+// The latency is unknown if a simulated clock never started or if the stamps are of another clock.
 void Diagnosis::reportLatency(Report& report) {
   const Lock lock(mutex_);
   const Times sum = times();

@@ -12,9 +12,9 @@
 
 namespace ktgp_orb {
 
-/// Reports on input, work and problems of a nodelet: three entries of /diagnostics ("input", one
-/// with the name of the work, and "latency") over the last ten seconds. A problem is in the log
-/// once and in the diagnostics as long as it lasts. All functions may be called from any thread.
+/// Reports on input, work and problems of a nodelet over the last ten seconds. /diagnostics gets
+/// three entries: "input", an entry with the name of the work, and "latency". A problem is logged
+/// once, and stays in the diagnostics while it lasts. All functions may be called from any thread.
 class Diagnosis {
  public:
   using Clock = std::chrono::steady_clock;
@@ -26,7 +26,7 @@ class Diagnosis {
             const std::string& work);
   void add(diagnostic_updater::Updater& updater);
 
-  // Names of counters that all nodelets share; others are free. They are keys of the reports.
+  // Names of counters that all nodelets use, and keys of the reports. Nodelets may add others.
   static constexpr const char* kDropped = "dropped";
   static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
@@ -37,40 +37,40 @@ class Diagnosis {
 
   void arrived();
   void count(const char* name, std::uint64_t number = 1);
-  /// Counts since the start, and in the last ten seconds.
+  /// The count since the start, and the count of the last ten seconds.
   std::uint64_t total(const char* name) const;
   std::uint64_t recent(const char* name) const;
-  /// An image or message that cannot be used.
+  /// Counts and reports an image or message that cannot be used.
   void refuse(const std::string& reason);
-  /// The work on the frame with this stamp, begun at `start`, is done. Returns its latency, s: from
-  /// the stamp to now; 0 without a stamp or a clock.
+  /// Records that the work on the frame with this stamp, begun at `start`, is done. Returns the
+  /// latency from the stamp to now, s; 0 without a stamp or a clock.
   double done(const ros::Time& stamp, Clock::time_point start);
 
-  /// A problem of this kind with the frames; it ends when none are received. Empty: none. `log`:
-  /// say it in the log, too.
+  /// Sets the problem of this kind with the frames; an empty text ends the problem, and so does the
+  /// end of the subscription. `log`: also write the problem to the log.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
-  /// A problem that lasts whether or not frames are received.
+  /// Sets a problem that lasts whether or not frames are received.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
-  /// Text where there is no problem, "works" for example.
+  /// Sets the text of the report while there is no problem, for example "works".
   void setState(const std::string& text);
-  /// A value of the report, shown as it is.
+  /// Sets a value that the report shows unchanged.
   void setValue(const std::string& name, const std::string& value);
-  /// Latency that is reported as late, s.
+  /// Latency above which the results are reported as late, s.
   void setMaxLatency(double seconds);
 
   void setListening(bool listening);
   void setPaused(bool paused);
-  /// `silence`: which input is silent, and why; `mixture`: that several nodes publish it. Each may
-  /// be empty.
+  /// `silence`: text that says which input is silent, and why. `mixture`: text that says that
+  /// several nodes publish the same input. Each may be empty.
   void setInput(const std::string& silence, const std::string& mixture);
 
-  /// Moves the ten seconds forward; once a second, before the reports. While the clock stands and
-  /// nothing arrives (a paused bag) they do not move. `clock_is_missing`: ROS time is simulated and
-  /// its clock never started.
+  /// Moves the window of ten seconds forward; called once a second, before the reports. While the
+  /// clock stands and nothing arrives (a paused bag), the window does not move. `clock_is_missing`:
+  /// ROS time is simulated and its clock never started.
   void tick(bool clock_stands, bool clock_is_missing);
 
  private:
-  using Problems = std::map<std::string, std::string>;  // by their kinds
+  using Problems = std::map<std::string, std::string>;  // text of each kind
   static constexpr std::size_t kPeriods = 10;
 
   struct Counter {
@@ -106,7 +106,7 @@ class Diagnosis {
   std::size_t next_period_ = 0;
   Clock::time_point period_start_ = Clock::now();
   Clock::time_point last_refusal_;
-  std::string last_error_;  // as long as images are refused
+  std::string last_error_;  // reason of the last refusal; empty if none was recent
   Problems problems_;
   Problems faults_;
   std::string state_ = "works";

@@ -13,11 +13,11 @@
 
 namespace ktgp_orb {
 
-/// Base of nodelets that use images and the matcher's homographies; an image waits for its
-/// homography in an ImageStore. `Work` has
-///   add(image), follow(homography)   one that arrived
-///   finish()                         all that had arrived was added
-///   restart()                        nothing was received for a while
+/// Base of nodelets that use images and the matcher's homographies. An image waits for its
+/// homography in an ImageStore. `Work` needs these functions, which are called when
+///   add(image), follow(homography)   an image or homography has arrived
+///   finish()                         everything that had arrived was added
+///   restart()                        nothing has arrived for a while
 template <typename Config, typename Work>
 class FrameConsumer : public ImageNode<Config, Work> {
  protected:
@@ -34,7 +34,7 @@ class FrameConsumer : public ImageNode<Config, Work> {
                                                       kImage, image->data.size(), image));
     });
     this->worker_.setLimits(kImage, 10, ImageStore::kBytes / 2);
-    // Each homography is a link of the chain, so none should be lost.
+    // The homographies form a chain from frame to frame, so none should be lost.
     homographies_ = &this->template addInput<HomographyStamped>(
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });

@@ -35,7 +35,7 @@ std::string number(double value) {
 
 }  // namespace
 
-/// The state of the motion, and the matches that wait for tf or the Imu.
+/// Holds the state of the motion, and the matches that wait for tf or the Imu.
 class GroundWork {
  public:
   /// `names` resolves the names of topics.
@@ -84,7 +84,7 @@ class GroundWork {
   std::atomic<bool>& is_waiting_;
 };
 
-/// Changed sources take effect with the next frame.
+/// New sources of height and normal take effect with the next frame.
 void GroundWork::configure(const GroundMotionConfig& config) {
   config_ = config;
   readings_.configure(config, range_topic_, imu_topic_);
@@ -101,7 +101,7 @@ void GroundWork::addMatch(const MatchConstPtr& match) {
   }
 }
 
-/// A match waits a little for the messages of its time that come after it.
+/// Processes the waiting matches in order. A match waits up to max_age for late readings.
 void GroundWork::processComplete() {
   while (!waiting_.empty()) {
     const auto& [match, arrival] = waiting_.front();
@@ -186,7 +186,7 @@ void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header&
       transformOf(odometry->header, odometry->child_frame_id, odometry->pose.pose));
 }
 
-/// Matches, a calibration and a height in; velocity and odometry out. doc/motion.md describes
+/// Computes velocity and odometry from matches, a calibration and a height. doc/motion.md describes
 /// topics, services and parameters.
 class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
  public:
@@ -205,8 +205,8 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   void listeningChanged(bool listening) override;
   void configure(GroundMotionConfig& config) override;
 
-  /// No match should be lost, since each is a link of the chain; of other messages only the newest
-  /// is used.
+  /// Adds an input of which up to `most` messages may wait for the worker. No match should be lost,
+  /// since the matches form a chain from frame to frame; so only lost matches are counted.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
     worker_.setLimits(kind, most);
@@ -267,7 +267,7 @@ void GroundMotionNodelet::advertise() {
     const Covariance6 covariance = covarianceOf(request.pose);
     worker_.ask([&](GroundWork& work) { work.setPose(pose, covariance); });
   });
-  // While a match waits, tf may come without a message here.
+  // Poll while a match waits, since tf may change without a message to this nodelet.
   poll_ = addTimer(data_queue_, 0.005, [this] {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });

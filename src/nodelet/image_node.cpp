@@ -13,7 +13,7 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr int kSilence = 3;  // s without a message
+constexpr int kSilence = 3;  // s without a message; then an input counts as silent
 
 /// Whether ROS time is simulated and its clock never started.
 bool clockIsMissing() {
@@ -32,7 +32,7 @@ void NodeBase::onInit() {
         std::make_unique<diagnostic_updater::Updater>(node(slow_queue_), connections, getName());
     diagnosis_.add(*updater_);
     {
-      // An early subscriber should not find only some of the outputs.
+      // An early subscriber should find all outputs, not only some of them.
       const Lock lock(connect_mutex_);
       advertise();
       connected_ = true;
@@ -72,8 +72,8 @@ void NodeBase::stop() {
   }
   outputs_.shutdown();
   updater_.reset();
-  // glibc gives threads their own arenas and keeps what is freed there. Without this, a manager
-  // grew by some 0.5 MB each time a nodelet was loaded anew.
+  // glibc gives each thread its own arena and keeps the memory that is freed there. Without this
+  // call, a manager grew by some 0.5 MB each time a nodelet was reloaded.
   giveMemoryBack();
 }
 
@@ -107,7 +107,7 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
   return added;
 }
 
-// Wall time: timers go on while a bag with --clock is paused.
+// Uses wall time, so that timers go on while a bag with --clock is paused.
 ros::WallTimer NodeBase::addTimer(CallbackThread& queue, double period,
                                   const std::function<void()>& tick) {
   timers_.push_back(node(queue).createWallTimer(ros::WallDuration(period),
@@ -127,7 +127,7 @@ void NodeBase::connectionsChanged() {
   if (changed && !wanted) listeningChanged(false);
 }
 
-/// Out of memory, for example: the next frame may work.
+/// Called when a frame is lost, for example because memory ran out. The next frame may work.
 void NodeBase::failed(const std::exception& error) {
   const bool is_refusal = dynamic_cast<const RefusedImage*>(&error) != nullptr;
   diagnosis_.refuse((is_refusal ? "" : "frame lost: ") + std::string(error.what()));
@@ -144,9 +144,9 @@ void NodeBase::tick() {
   updater_->force_update();
 }
 
-/// A looped bag goes back once, which is not reported.
+/// Reports wrong stamps only if there are several: a looped bag goes back once, which is harmless.
 void NodeBase::reportStamps() {
-  constexpr std::uint64_t kSome = 3;  // such stamps in ten seconds
+  constexpr std::uint64_t kSome = 3;  // fewer wrong stamps in ten seconds are not reported
   std::string text;
   for (const char* const wrong : {ImageStamps::kZero, ImageStamps::kAgain, ImageStamps::kBack}) {
     const std::uint64_t number = diagnosis_.recent(wrong);
@@ -160,8 +160,8 @@ void NodeBase::reportStamps() {
 }
 
 void NodeBase::reportRepeats() {
-  constexpr double kMost = 0.1;     // share of images
-  constexpr double kByStop = 10.0;  // images: it takes 0.1 s to see that a camera has stopped
+  constexpr double kMost = 0.1;     // largest share of repeated images without a report
+  constexpr double kByStop = 10.0;  // repeated images until a stopped camera is noticed (0.1 s)
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));
   const bool often = repeated > std::max(kByStop, kMost * images);
@@ -187,8 +187,8 @@ void NodeBase::watchInputs(bool clock_stands) {
     }
     input->setPublishers(publishers);
     if (mixture.empty()) mixture = watch->mixture(publishers);
-    // A paused bag is not a broken camera, nor is one that bag.launch has not yet begun to play (it
-    // sets this parameter); any other clock that never started is an error.
+    // Neither a paused bag nor a bag that bag.launch has yet to play is a broken camera; bag.launch
+    // sets this parameter. Any other clock that never started is an error.
     if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
     const std::string warning = watch->tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());

@@ -25,19 +25,19 @@
 
 namespace ktgp_orb {
 
-/// Base of all nodelets, without the types of their parameters and their work: inputs that are
-/// subscribed while results are wanted, outputs, services, diagnostics, and an end at any time.
+/// Base of all nodelets that does not depend on the types of their parameters and work. It provides
+/// inputs that are subscribed while results are wanted, outputs, services, diagnostics, and a
+/// shutdown that is safe at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:
 ///   settings_queue_  parameters, connections, and inputs that change settings
 ///   data_queue_      inputs that bring work
 ///   service_queue_   services that only send a job to the worker
-///   long_queue_      services that work themselves
+///   long_queue_      services that do their work themselves
 ///   slow_queue_      diagnostics and the watch of the inputs, which ask the master
 class NodeBase : public nodelet::Nodelet {
  protected:
-  /// Adds the inputs and reads the parameters. An exception ends the loading, with its text as the
-  /// reason.
+  /// Adds the inputs and reads the parameters. An exception ends the loading; users see its text.
   virtual void start() = 0;
   /// Advertises outputs and services, and starts the worker.
   virtual void advertise() = 0;
@@ -51,18 +51,18 @@ class NodeBase : public nodelet::Nodelet {
   virtual std::string greeting() const = 0;
   /// Whether results are wanted now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
-  /// The inputs have been subscribed, or are not any more.
+  /// Called after the inputs were subscribed or unsubscribed.
   virtual void listeningChanged(bool /*listening*/) {}
-  /// Once a second before the reports, in the slow queue.
+  /// Called in the slow queue once a second, before the reports.
   virtual void beforeReport() {}
 
-  /// Call it first in the destructor of each nodelet: callbacks use its members. Destroying a
-  /// dynamic_reconfigure server during a callback would crash the manager.
+  /// Call this first in the destructor of each nodelet, since callbacks use the nodelet's members.
+  /// Destroying a dynamic_reconfigure server during a callback would crash the manager.
   void stop();
 
   ros::NodeHandle node(CallbackThread& queue) const;
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// The diagnostics report on the first input.
+  /// Adds an input of images. The diagnostics report on the first input that was added.
   ImageInput& addImages(int queue_size, ImageInput::Callback callback);
   template <typename Message>
   Input& addInput(const std::string& name, const std::string& what, std::uint32_t queue_size,
@@ -73,7 +73,8 @@ class NodeBase : public nodelet::Nodelet {
                                                 what, queue_size, is_watched, std::move(callback)));
     return *inputs_.back();
   }
-  /// `answer` fills the response; an exception becomes success = false, with its message.
+  /// Adds a service whose response `answer` fills. An exception gives success = false and a
+  /// message.
   template <typename Service>
   void addService(
       const std::string& name, CallbackThread& queue,
@@ -101,7 +102,7 @@ class NodeBase : public nodelet::Nodelet {
   bool isListening() const { return listening_; }
   void failed(const std::exception& error);
 
-  std::atomic<bool> paused_{false};  // images are ignored
+  std::atomic<bool> paused_{false};  // while true, images are ignored
 
   CallbackThread settings_queue_;
   CallbackThread data_queue_;
@@ -116,7 +117,7 @@ class NodeBase : public nodelet::Nodelet {
 
   void onInit() final;
   void tick();
-  /// Returns freed memory to the system, which the allocator would keep.
+  /// Returns freed memory to the system, which the allocator would otherwise keep.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   void reportStamps();
@@ -137,12 +138,12 @@ class NodeBase : public nodelet::Nodelet {
 template <typename Config, typename Work>
 class ImageNode : public NodeBase {
  protected:
-  /// Uses the new parameters, in the settings queue; may change them. If it throws
-  /// std::exception, nothing has changed, and the old ones stay.
+  /// Applies new parameters, which it may adjust; called in the settings queue. If it throws
+  /// std::exception, nothing has changed, and the old parameters stay.
   virtual void configure(Config& config) = 0;
 
-  /// Reads the parameters and serves them to dynamic_reconfigure. Throws std::invalid_argument for
-  /// unusable ones; later ones are refused, with the reason in log and diagnostics.
+  /// Reads the parameters and serves them to dynamic_reconfigure. Throws std::invalid_argument if
+  /// they are unusable. Later bad parameters are refused, with the reason in log and diagnostics.
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
     requireUsable(node, nodelet());

@@ -9,19 +9,19 @@
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken: kImages at most, and no more than
-/// kLeast of them where they have more than kBytes.
+/// Stores the newest images by their stamps until they are taken: at most kImages, and only kLeast
+/// if they need more than kBytes.
 class ImageStore {
  public:
-  static constexpr std::size_t kImages = 40;  // more than a second
+  static constexpr std::size_t kImages = 40;  // enough for more than a second
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Sets how many more images may wait, however large they are. Valid from the next image.
+  /// Sets how many more images may wait, however large they are. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
-  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count:
-  /// they are too old for a homography.
+  /// Adds an image and returns how many images were dropped because of kBytes. Images dropped
+  /// because of kImages do not count, since they are too old to get a homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, image);
     bytes_ += image->data.size();
@@ -34,7 +34,7 @@ class ImageStore {
 
   bool has(const ros::Time& stamp) const { return images_.count(stamp) > 0; }
 
-  /// The oldest one with this stamp; null if none is stored.
+  /// Removes and returns the oldest image with this stamp; null if none is stored.
   sensor_msgs::ImageConstPtr take(const ros::Time& stamp) {
     const auto found = images_.find(stamp);
     if (found == images_.end()) return nullptr;
@@ -62,8 +62,8 @@ class ImageStore {
 
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
-  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // two may have one stamp
-  std::deque<ros::Time> order_;  // in order of arrival; includes those that were taken
+  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // stamps may repeat
+  std::deque<ros::Time> order_;  // in order of arrival; includes stamps of taken images
 };
 
 }  // namespace ktgp_orb

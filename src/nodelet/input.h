@@ -18,25 +18,25 @@
 namespace ktgp_orb {
 
 /// A topic that a nodelet listens to while its results are wanted. The callback runs in the queue
-/// of the node handle, and gets each message once: if publisher and subscriber of one process start
-/// at the same time, ROS may connect them twice and deliver everything twice.
+/// of the node handle and gets each message only once. ROS may deliver messages twice, because it
+/// may connect a publisher and a subscriber of one process twice if they start at the same time.
 class Input {
  public:
   virtual ~Input() = default;
 
   const std::string& topic() const { return topic_; }
   const std::string& what() const { return what_; }
-  /// Messages since the start.
+  /// Number of messages since the start.
   std::uint64_t arrived() const { return arrived_; }
   virtual std::uint32_t publishers() const = 0;
-  /// While off, the input does not subscribe, for example to a sensor that is not used.
+  /// A disabled input does not subscribe, for example to a sensor that is not used.
   void enable(bool enabled) { enabled_ = enabled; }
-  /// Call it again after enable().
+  /// Subscribes or unsubscribes. Call it again after enable().
   void subscribe(bool wanted);
 
-  /// Used only by the thread that asks the master; null: a silent input is not reported.
+  /// Only for the thread that asks the master. Null if silence of this input is not reported.
   InputWatch* watch() { return watch_.get(); }
-  /// Number of publishers of the topic, from that thread.
+  /// Sets the number of publishers of the topic; called by the thread that asks the master.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
 
  protected:
@@ -62,7 +62,7 @@ class MessageInput : public Input {
  public:
   using Callback = std::function<void(const boost::shared_ptr<const Message>&)>;
 
-  /// `is_watched`: it is reported if nothing arrives. `queue_size`: see ros::NodeHandle::subscribe.
+  /// `is_watched`: report if nothing arrives. `queue_size`: see ros::NodeHandle::subscribe.
   MessageInput(const ros::NodeHandle& node, const std::string& name, const std::string& what,
                std::uint32_t queue_size, bool is_watched, Callback callback)
       : Input(node.resolveName(name), what),
@@ -95,8 +95,8 @@ class MessageInput : public Input {
 /// Counts lost images, using the publisher's counter (header.seq).
 class SequenceNumbers {
  public:
-  /// Images lost between the previous one and this one. 0 if the counter does not increase: it
-  /// restarted, or the publisher does not count.
+  /// Number of images lost between the previous image and this one. 0 if the counter does not
+  /// increase, because it restarted or the publisher does not count.
   std::uint32_t lostBefore(std::uint32_t number) {
     const std::optional<std::uint32_t> before = last_;
     last_ = number;
@@ -105,7 +105,7 @@ class SequenceNumbers {
     return lost <= kMost ? lost : 0;
   }
 
-  /// Do not compare the next image with the previous one.
+  /// Makes lostBefore() ignore the previous image once.
   void restart() { last_.reset(); }
 
  private:
@@ -114,15 +114,14 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// Finds stamps of images that cannot be used: results are found by stamps, and velocities need
-/// them.
+/// Detects unusable image stamps. Users find results by stamps, and velocities need them.
 class ImageStamps {
  public:
   static constexpr const char* kZero = "stamps of zero";
   static constexpr const char* kAgain = "stamps as of the image before";
   static constexpr const char* kBack = "stamps that go back";
 
-  /// One of the names above; null: nothing is wrong.
+  /// Returns what is wrong, as one of the names above; null if the stamp is fine.
   const char* wrongWith(const ros::Time& stamp) {
     const ros::Time before = std::exchange(last_, stamp);
     if (stamp.isZero()) return kZero;
@@ -134,23 +133,23 @@ class ImageStamps {
   ros::Time last_;
 };
 
-/// The images that a node's topic `image` and its parameter ~image_transport mean. A topic that
-/// ends in /compressed has that transport, whether or not the parameter says so. Without the
-/// package compressed_image_transport the decoder of this package is used.
+/// Subscribes to a node's topic `image` with the transport of its parameter ~image_transport. A
+/// topic that ends in /compressed implies the compressed transport. Without the package
+/// compressed_image_transport, the decoder of this package is used.
 class ImageInput : public Input {
  public:
-  /// `lost`: images that were sent, by header.seq, and did not arrive.
+  /// `lost`: number of images that were sent, according to header.seq, but did not arrive.
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
 
-  /// Reads the parameters once, so that a later change cannot fail during the work. Throws
-  /// std::invalid_argument, with advice, for a transport that is not installed.
+  /// Reads the parameters once, so that no later change of them can make the running input fail.
+  /// Throws std::invalid_argument, with advice, for a transport that is not installed.
   ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size,
              Callback callback);
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
   const std::string& transport() const { return transport_name_; }
 
  private:
-  /// Takes the name of the transport from the topic, if it ends in one; returns the plugin for it.
+  /// Moves "/compressed" from the topic's name to transport_name_; returns the plugin.
   std::string choosePlugin();
   void open() override;
   void close() override { subscriber_.shutdown(); }

@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing arrives
+constexpr int kSecondsBetweenQuestions = 5;  // pause between questions to the master about silence
 const char* const kImageType = "sensor_msgs/Image";
 const char* const kCompressedType = "sensor_msgs/CompressedImage";
 
@@ -72,8 +72,7 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
   const std::string before = std::exchange(trouble_, askMaster());
   if (std::exchange(said_, true) && trouble_ == before) return "";
-  // An idle publisher explains missing messages, but a wrong topic name should be reported all the
-  // same.
+  // An idle node receives nothing in any case, but a wrong topic name should be reported anyway.
   if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +

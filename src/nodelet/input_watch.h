@@ -5,34 +5,35 @@
 
 namespace ktgp_orb {
 
-/// "no WHAT on TOPIC", and the reason if it is known.
+/// The text "no WHAT on TOPIC", followed by the reason if it is known.
 std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
 
-/// Detects, once a second, that nothing arrives on a topic, and reports likely causes. It asks the
-/// master, which may take long.
+/// Checks once a second whether messages arrive on a topic, and reports likely causes if they do
+/// not. Asks the master, which may take long.
 class InputWatch {
  public:
-  /// For messages of a type; `what`: its name, for example "homography". `transport`: of images.
+  /// `type`: type of the messages. `what`: what users call a message, for example "homography".
+  /// `transport`: image transport.
   InputWatch(std::string topic, std::string type, std::string what, std::string transport = "raw");
 
-  /// `arrived`: messages since the start; `publishers`: of the topic, if subscribed. Returns a
-  /// warning to print, or an empty string. Each cause is reported once.
+  /// `arrived`: number of messages since the start. `publishers`: number of publishers of the topic
+  /// if subscribed. Returns a warning to print, or an empty string. Each cause is reported once.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
-  /// Why messages are missing, from the last question to the master; empty: unknown, or they
-  /// arrive.
+  /// Why messages are missing, according to the master's last answer; empty if the reason is
+  /// unknown or messages arrive.
   const std::string& trouble() const { return trouble_; }
 
   /// Time without a message while subscribed, s.
   int silentSeconds() const { return subscribed_ ? silent_seconds_ : 0; }
 
-  /// A message that several nodes publish the topic, with their names; empty if only one does.
+  /// A warning with the names of the nodes if several publish the topic; empty if only one does.
   std::string mixture(std::uint32_t publishers) const;
 
  private:
-  /// Restarts the waiting.
+  /// Restarts the count of silent seconds.
   void restart();
-  /// Reason for missing messages that the master knows; empty: none.
+  /// Asks the master why messages are missing; empty if it knows no reason.
   std::string askMaster() const;
   /// The topic that the transport subscribes to.
   std::string wanted() const;

@@ -29,9 +29,10 @@ constexpr double kMinShare = 0.5;  // share of frames with a homography; below i
 
 }  // namespace
 
-/// Images in, matches and homographies out. doc/topics.md describes topics and services.
+/// Publishes matches and homographies of images. doc/topics.md describes topics and services.
 ///
-/// MatcherSettings belongs to the settings queue, MatcherWork to the worker; they meet in the jobs.
+/// MatcherSettings is used only in the settings queue, and MatcherWork only in the worker; jobs
+/// pass the configuration from one to the other.
 class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
  public:
   ~MatcherNodelet() override { stop(); }
@@ -61,7 +62,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   static constexpr std::size_t kImage = 1;  // kinds of jobs
   static constexpr std::size_t kConfiguration = 2;
 
-  // Set at the start
+  // Set by start()
   ImageInput* images_ = nullptr;
   Input* camera_info_ = nullptr;
   ros::Subscriber mask_;
@@ -180,7 +181,8 @@ void MatcherNodelet::configure(KtgpConfig& config) {
   connectionsChanged();  // lazy and rectify may have changed
 }
 
-/// Takes effect between two frames, as a whole. A newer one replaces one that waits.
+/// Sends the configuration to the worker, where it takes effect as a whole between two frames. A
+/// newer configuration replaces one that still waits.
 void MatcherNodelet::sendConfiguration() {
   const ConfigurationConstPtr configuration =
       boost::make_shared<Configuration>(settings_.configuration());
@@ -223,7 +225,7 @@ void MatcherNodelet::cameraArrived(const sensor_msgs::CameraInfoConstPtr& info) 
   sendConfiguration();
 }
 
-// Once a second: the reference file may have changed.
+// Called once a second, since the reference file may have changed.
 void MatcherNodelet::rereadReference(bool at_once) {
   try {
     if (!settings_.rereadReference(at_once)) return;
@@ -236,8 +238,8 @@ void MatcherNodelet::rereadReference(bool at_once) {
   }
 }
 
-// A frame that ~set_reference took is lost when the process ends. The master stores that there was
-// one, so that the next process can report it.
+// A frame that ~set_reference took is lost when the process ends. A parameter at the master
+// remembers that there was such a frame, so that the next process can report its loss.
 void MatcherNodelet::beforeReport() {
   ros::NodeHandle node = privateNode(slow_queue_);
   const bool holds = facts_.holds_set_reference;
@@ -277,9 +279,9 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   requireSmall("target", request.target);
   Configuration configuration = worker_.ask([](MatcherWork& work) { return work.configuration(); });
   configuration.sequence.reference.mode = ReferenceMode::fixed;
-  configuration.view = {};  // without the camera: the two images may come from elsewhere
+  configuration.view = {};  // without the camera's lens and masks: the images may be from elsewhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  const char* image = "reference: ";  // for an error that does not name the image
+  const char* image = "reference: ";  // prefix of errors, which do not name the image
   try {
     MessageMatcher matcher(configuration);
     image = "target: ";

@@ -24,7 +24,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
     throw std::invalid_argument("rectify is on, but the images on " + image_topic +
                                 " are rectified already (see the parameter calibration)");
   }
-  // The reference stays unless it changed: the file's content, or a reference from ~reference.
+  // If the file name is unchanged, keep the reference, also one from ~reference.
   const bool same_image = is_configured_ && config.reference_image == reference_file_;
   const FileState state = same_image ? file_state_ : stateOf(config.reference_image);
   const auto file =
@@ -49,7 +49,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   is_configured_ = true;
 }
 
-// camera_info comes with every image and rarely changes; an equal one is ignored.
+// camera_info comes with every image and rarely changes; an equal message is ignored.
 bool MatcherSettings::setLens(const sensor_msgs::CameraInfo& info, std::string& problem) {
   LensConstPtr lens;
   try {
@@ -91,7 +91,7 @@ void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
 
 void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
   const bool none = image->width == 0 || image->height == 0;
-  if (!none) greyImage(image, configuration_.stretch);  // refuses it here rather than later
+  if (!none) greyImage(image, configuration_.stretch);  // refuses a bad image now
   configuration_.reference_image = none ? file_reference_ : image;
   ++configuration_.number;
 }
@@ -105,7 +105,7 @@ bool MatcherSettings::rereadReference(bool at_once) {
   file_state_ = now;
   const auto before =
       std::exchange(file_reference_, readImageFile("reference_image", reference_file_));
-  // A reference from ~reference stays.
+  // Keep a reference that came from ~reference.
   if (configuration_.reference_image == before) configuration_.reference_image = file_reference_;
   ++configuration_.number;
   return true;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kDataQueue = 10;  // messages queued for a slow subscriber
 
-// Drawn at least this often, even if newer images always wait.
+// An overlay is drawn at least this often, even if newer images are always waiting.
 constexpr std::chrono::seconds kLongestWithoutOverlay{1};
 
 }  // namespace
@@ -30,11 +30,11 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  // A slow subscriber should not lose data; of the pictures it needs only the newest.
+  // A slow subscriber should not lose data, but it needs only the newest picture.
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 
-/// A message is made if somebody has subscribed.
+/// Adds a topic. Its messages are made only if somebody has subscribed.
 template <typename Message, typename Make>
 void MatcherWork::addTopic(Outputs& outputs, const std::string& name, Make make) {
   const ros::Publisher publisher = outputs.advertise<Message>(name, kDataQueue);
@@ -67,7 +67,7 @@ void MatcherWork::publish(const MatchedFrame& frame) {
   for (const auto& topic : topics_) topic(frame);
 }
 
-// A robot in front of a wall finds no homography and is not faulty: only a warning.
+// Missing homographies only give a warning: a robot in front of a blank wall is not faulty.
 void MatcherWork::report(const SequenceMatch& match) {
   const Status status = match.match.status;
   const bool has_reference = status != Status::no_reference;

@@ -14,23 +14,23 @@
 
 namespace ktgp_orb {
 
-/// Counts frames in which things stand still although the scene moves, see MatchResult::still.
+/// Counts frames in which things stand still although the scene moves (MatchResult::still).
 constexpr const char* kStillThings = "frames with things that stand still";
 
 /// State that the worker shows to other threads.
 struct MatcherFacts {
-  std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera
+  std::atomic<bool> holds_set_reference{false};  ///< the fixed reference is a camera frame
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last failure of a frame with a reference
-  std::atomic<bool> finds_geometries{false};  ///< two-view geometries are estimated, too
+  std::atomic<bool> finds_geometries{false};  ///< two-view geometries are also estimated
 };
 
-/// Work of the matcher: matches an image, publishes what has subscribers. Belongs to the
-/// worker's thread.
+/// The worker's part of the matcher: matches images and publishes the topics that have subscribers.
+/// Used only in the worker's thread.
 class MatcherWork {
  public:
-  /// `newer_waits`: whether a newer image than the one in work has arrived.
+  /// `newer_waits` returns whether an image has arrived that is newer than the current one.
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
               std::function<bool()> newer_waits, std::string camera_info_topic,
               MatcherFacts& facts);
@@ -50,7 +50,7 @@ class MatcherWork {
   template <typename Message, typename Make>
   void addTopic(Outputs& outputs, const std::string& name, Make make);
   void report(const SequenceMatch& match);
-  /// A function of its own in the binary, too: robot_heap_test counts what ROS allocates in it.
+  /// Not inlined, because robot_heap_test counts the allocations of ROS within this function.
   [[gnu::noinline]] void publish(const MatchedFrame& frame);
   std::string lensProblem(const SequenceMatch& match) const;
   std::string cameraProblem(const SequenceMatch& match) const;
@@ -64,7 +64,7 @@ class MatcherWork {
   std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one topic
   image_transport::Publisher overlay_;
   Diagnosis::Clock::time_point last_overlay_;
-  std::uint64_t without_reference_ = 0;  // frames in a row, up to the last one
+  std::uint64_t without_reference_ = 0;  // frames in a row without a reference, up to the last one
 };
 
 }  // namespace ktgp_orb

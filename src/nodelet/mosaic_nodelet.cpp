@@ -33,7 +33,7 @@ std::string withOneDigit(double value) {
 
 }  // namespace
 
-/// The map, and where its pictures and poses go.
+/// Builds the map, and publishes its pictures and poses.
 class MosaicWork {
  public:
   MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, const ros::Publisher& poses)
@@ -72,10 +72,10 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// Follows all homographies, since each is a link of the chain.
+/// Uses every homography, since they form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // A frame with a wrong stamp breaks no chain; a looped recording begins anew with the next one.
+  // A frame with a wrong stamp breaks no chain; after a loop, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
                  homographyOf(*message, size_));
@@ -83,7 +83,7 @@ void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   while (unplaced_.size() > ImageStore::kImages) unplaced_.pop_front();
 }
 
-/// Places the newest image with a homography; a late worker skips the others.
+/// Places the newest image that has a homography; if the worker is late, it skips older images.
 void MosaicWork::finish() {
   for (std::size_t i = unplaced_.size(); i-- > 0;) {
     const HomographyStampedConstPtr message = unplaced_[i];
@@ -147,8 +147,8 @@ void MosaicWork::publishPicture() {
   if (!picture.empty()) pictures_.publish(toImage(last_header_, "bgr8", picture));
 }
 
-/// Images and homographies in, a growing mosaic out. doc/views.md describes topics, services and
-/// parameters.
+/// Takes images and homographies, and publishes a growing mosaic. doc/views.md describes topics,
+/// services and parameters.
 class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
  public:
   ~MosaicNodelet() override { stop(); }

@@ -11,14 +11,14 @@
 
 namespace ktgp_orb {
 
-/// The topics that a nodelet publishes below its private name. The same list tells whether one of
-/// them has a subscriber, and ends them all.
+/// The topics that a nodelet publishes below its private name. Tells whether any of them has a
+/// subscriber, and shuts all of them down.
 class Outputs {
  public:
   using Callback = std::function<void()>;
 
-  /// `node`: the private one; its callback queue gets the connections. `changed` is called when a
-  /// subscriber is added or removed.
+  /// `node`: the private node handle, whose callback queue handles new connections. `changed` is
+  /// called when a subscriber is added or removed.
   void open(const ros::NodeHandle& node, Callback changed);
 
   template <typename Message>

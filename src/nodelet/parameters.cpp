@@ -11,8 +11,8 @@ namespace {
 
 using Kind = ParameterInfo::Kind;
 
-// Private parameters that are not dynamic: those read by image_transport, those read once at start,
-// and those that the matcher stores across a restart.
+// Private parameters that are not dynamic. image_transport reads them, the node reads them once at
+// start, or the matcher stores them across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
@@ -20,7 +20,7 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
-/// A double for an int parameter: dynamic_reconfigure would truncate it without a message.
+/// Refuses a double for an int parameter, which dynamic_reconfigure would truncate silently.
 [[noreturn]] void refusePoint(const std::string& parameter, double number) {
   std::ostringstream digits;
   digits.precision(15);
@@ -30,7 +30,7 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
          "a whole number: write " + digits.str());
 }
 
-/// YAML 1.1 takes 1e3 for a text.
+/// Refuses a text for a number. YAML 1.1 takes 1e3 for a text, so the message suggests digits.
 [[noreturn]] void refuseText(const std::string& parameter, const std::string& text, Kind kind) {
   char* end = nullptr;
   const double number = std::strtod(text.c_str(), &end);

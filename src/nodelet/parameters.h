@@ -10,17 +10,17 @@
 
 namespace ktgp_orb {
 
-/// Checks the initial parameters below `node`, from a launch file, YAML or the command line, which
-/// dynamic_reconfigure would clamp or ignore without a message: their types, ranges and
-/// choices. Throws std::invalid_argument with the parameter, its value and what is expected.
+/// Checks types, ranges and choices of the initial parameters below `node`, from a launch file,
+/// YAML or the command line. dynamic_reconfigure would clamp or ignore wrong ones without a
+/// message. Throws std::invalid_argument with the parameter, its value and what is expected.
 /// `nodelet`: see parametersOf.
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
-/// Parameters below `node` that the nodelet does not have, misspelt ones for example.
+/// Parameters below `node` that the nodelet does not know, for example misspelt ones.
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node, const std::string& nodelet);
 
-/// Checks what dynamic_reconfigure does not: that numbers are none of NaN and infinity, and that
-/// texts are choices. Throws as requireUsable does.
+/// Checks what dynamic_reconfigure does not check: that numbers are finite, and that texts are
+/// among the choices. Throws like requireUsable.
 void requireValue(const ParameterInfo& info, const boost::any& value);
 template <typename Config>
 void requireUsable(const Config& config, const std::string& nodelet) {

@@ -23,7 +23,7 @@ StabilizerOptions optionsFrom(const StabilizerConfig& config) {
 
 }  // namespace
 
-/// The path of the camera, and where its steady images go.
+/// Estimates the path of the camera, and publishes the steady images.
 class StabilizerWork {
  public:
   StabilizerWork(Diagnosis& diagnosis, image_transport::Publisher images,
@@ -72,7 +72,7 @@ void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
 
 void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // A frame with a wrong stamp breaks no chain; a looped recording begins anew with the next one.
+  // A frame with a wrong stamp breaks no chain; after a loop, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   ready_.clear();
   rectified_ = message->rectified != 0;
@@ -85,8 +85,8 @@ void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   diagnosis_.setValue("restarts", std::to_string(restarts_));
 }
 
-// Over a network an image may arrive after its homography: wait for it until a newer one arrives. A
-// late worker skips all but the newest.
+// Over a network, an image may arrive after its homography, so wait for it until a newer image
+// arrives. A late worker skips all but the newest frames.
 void StabilizerWork::finish() {
   const std::size_t most = static_cast<std::size_t>(stabilizer_.options().lag) + 2;
   std::size_t complete = 0;
@@ -105,7 +105,7 @@ void StabilizerWork::finish() {
   }
 }
 
-/// The warp is from pixels of the image to pixels of the steady image.
+/// Publishes the warp from pixels of the image to pixels of the steady image, and the steady image.
 void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image) {
   const auto start = Diagnosis::Clock::now();
   const std_msgs::Header& header = image->header;
@@ -129,7 +129,7 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   diagnosis_.done(header.stamp, start);
 }
 
-/// Images and homographies in, a steady image out. doc/views.md describes topics and parameters.
+/// Makes images steady by their homographies. doc/views.md describes topics and parameters.
 class StabilizerNodelet : public FrameConsumer<StabilizerConfig, StabilizerWork> {
  public:
   ~StabilizerNodelet() override { stop(); }

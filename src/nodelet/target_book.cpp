@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The canonical name of a kept list: two nodes may know the list by different names, such as
-/// links. Throws std::invalid_argument with the reason if no list can be kept there.
+/// The canonical name of a kept list, because two nodes may know the list by different names, such
+/// as links. Throws std::invalid_argument with the reason if no list can be kept there.
 std::string realNameOf(const std::string& list) {
   std::error_code none;
   const fs::file_status status = fs::status(list, none);
@@ -84,14 +84,14 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   if (list.empty()) return;
   std::vector<TargetEntry> entries = readTargetList(list);
   if (was_kept) {
-    // The lines of the list change with each target that is added or removed.
+    // Drop the line numbers, which change with each target that is added or removed.
     for (TargetEntry& entry : entries) entry.place.clear();
     deleteAllBut(entries);
   }
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
-/// Locks the folder: the file is replaced with every change.
+/// Locks the folder of the images, since a lock on the list would end with its next replacement.
 void TargetBook::lock() {
   const std::string folder = folderOf(file_).string();
   std::error_code error;
@@ -147,7 +147,7 @@ void TargetBook::add(const SetTarget::Request& request) {
   set(request, &TargetFinder::add);
 }
 
-/// A target that is still to be read, or was refused, is replaced, too.
+/// Also replaces a target that is still to be read or was refused.
 void TargetBook::replace(const SetTarget::Request& request) {
   const bool is_unused =
       !areThere(lists_.used, request.id) &&
@@ -155,7 +155,7 @@ void TargetBook::replace(const SetTarget::Request& request) {
   set(request, is_unused ? &TargetFinder::add : &TargetFinder::replace);
 }
 
-/// Writes the files first: if the disk is full, nothing has changed.
+/// Writes the files first, so that a full disk changes nothing.
 void TargetBook::set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&)) {
   const Target target = targetOf(request);
   TargetEntry entry{target.id, {}, target.width, target.frame, ""};
@@ -187,8 +187,8 @@ void TargetBook::remove(const std::string& id) {
   deleteImages(removed);
 }
 
-/// The images get new names, so that those of the old list stay complete until it is replaced.
-/// Appends each name before the file is written.
+/// Writes the images under new names, so that the images of the old list stay complete until that
+/// list is replaced. Appends each name to `files` before it writes the file.
 void TargetBook::writeImages(const Target& target, std::vector<std::string>& files) const {
   if (file_.empty()) return;
   const fs::path folder = folderOf(file_);
@@ -215,8 +215,8 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   return list;
 }
 
-/// Files that a killed node had written for a target, or had not yet deleted. Only names that
-/// writeImages() gives: 12.png, 12.unfinished0.png.
+/// Deletes files that a killed node wrote for a target, or had not yet deleted. Touches only names
+/// that writeImages() gives, such as 12.png and 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;
   for (const TargetEntry& entry : entries) {
@@ -230,7 +230,7 @@ void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   }
 }
 
-/// Deletes only images in the folder of the list: the others are the user's.
+/// Deletes only images in the folder of the list, since all others belong to the user.
 void TargetBook::deleteImages(const std::vector<TargetEntry>& of) const {
   if (file_.empty()) return;
   std::error_code none;

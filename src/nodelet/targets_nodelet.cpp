@@ -21,7 +21,7 @@
 
 namespace ktgp_orb {
 
-/// The known targets, what is followed, and where the detections go.
+/// Holds the known and the followed targets, and publishes the detections.
 class TargetsWork {
  public:
   TargetsWork(Diagnosis& diagnosis, const ros::Publisher& detections, const ros::Publisher& markers,
@@ -139,10 +139,10 @@ void TargetsWork::publish(const TargetDetectionsPtr& message,
   pictures_.publish(toImage(message->header, "bgr8", canvas));
 }
 
-/// Images in, flat targets out. doc/targets.md describes topics, services and parameters.
+/// Finds flat targets in images. doc/targets.md describes topics, services and parameters.
 ///
-/// TargetBook, the files and the conversion of images belong to the queue of long services. The
-/// worker adds a target or searches a request between two images.
+/// TargetBook, the files and the conversion of images are used only in the queue of long services.
+/// Between two images, the worker adds a target or searches the image of a request.
 class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
  public:
   ~TargetsNodelet() override { stop(); }
@@ -232,7 +232,7 @@ void TargetsNodelet::addChange(const std::string& name, const Change& change) {
   });
 }
 
-/// How the new target looks like itself in another pose, also in the log; else an empty text.
+/// Returns and logs a warning if the new target looks the same in another pose; else an empty text.
 std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
   std::string text = worker_.ask([&](TargetsWork& work) { return work.finder().ambiguity(id); });
   if (text.empty()) return text;
@@ -267,7 +267,7 @@ void TargetsNodelet::loadNext() {
   targetsChanged();
 }
 
-/// Listeners of tf are unknown, so frames are searched while a target has a frame.
+/// A node cannot know who listens to tf, so images are searched while a target has a tf frame.
 void TargetsNodelet::targetsChanged() {
   diagnosis_.setFault("targets", book_.refusal());
   has_frames_ = book_.hasFrames();

@@ -17,24 +17,24 @@
 
 namespace ktgp_orb {
 
-/// A queue that passes items from any number of threads to one, in the order of their arrival. If
-/// the items of a kind exceed its limits, the oldest are dropped; the newest item of a kind is
-/// always kept.
+/// A queue that passes items from any number of threads to one thread, in the order of their
+/// arrival. If the items of a kind exceed its limits, the oldest are dropped; the newest item of a
+/// kind is always kept.
 template <typename Item>
 class Inbox {
  public:
   static constexpr std::size_t kKinds = 5;
   static constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
 
-  /// Limits of the waiting items of a kind, 0 to kKinds - 1, and of the memory that they hold.
-  /// Without a call there is no limit.
+  /// Limits the number of waiting items of a kind (0 to kKinds - 1) and the memory that they hold.
+  /// There is no limit by default.
   void setLimits(std::size_t kind, std::size_t items, std::size_t bytes = kNoLimit) {
     const std::lock_guard<std::mutex> lock(mutex_);
     kinds_[kind].most_items = items;
     kinds_[kind].most_bytes = bytes;
   }
 
-  /// Returns how many older ones were dropped. `bytes`: memory that the item holds.
+  /// Adds an item; returns how many older items were dropped. `bytes`: memory of the item.
   std::size_t put(std::size_t kind, std::size_t bytes, Item item) {
     std::size_t dropped = 0;
     {
@@ -53,7 +53,7 @@ class Inbox {
     return dropped;
   }
 
-  /// Waits, then replaces `items` by all that have arrived. False after close().
+  /// Waits, then replaces `items` by all items that have arrived. Returns false after close().
   bool take(std::vector<Item>& items) {
     items.clear();
     std::unique_lock<std::mutex> lock(mutex_);
@@ -75,7 +75,7 @@ class Inbox {
     while (kinds_[kind].items > 0) dropOldest(kind);
   }
 
-  /// Ends the waiting for good; nothing is accepted any more.
+  /// Ends all waiting for good; the queue accepts no more items.
   void close() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -117,8 +117,8 @@ class Inbox {
   bool closed_ = false;
 };
 
-/// A thread and the state that only this thread touches: others send it jobs, which are done in the
-/// order of their arrival. A job that throws is lost, and reported; the thread goes on.
+/// A thread and the state that only this thread touches. Other threads send jobs, which run in the
+/// order of their arrival. A job that throws is lost and reported, and the thread goes on.
 template <typename State>
 class Worker {
  public:
@@ -135,19 +135,19 @@ class Worker {
     afterwards_ = std::move(afterwards);
     thread_ = std::thread([this] { run(); });
   }
-  /// Waits for the running job; the others are dropped.
+  /// Waits for the running job; the waiting jobs are dropped.
   void stop() {
     inbox_.close();
     if (thread_.joinable()) thread_.join();
   }
 
-  /// The following may be called from any thread; what is sent before start() waits for it.
+  /// The following functions may be called from any thread; jobs sent before start() wait for it.
   void setLimits(std::size_t kind, std::size_t items, std::size_t bytes = Inbox<Entry>::kNoLimit) {
     inbox_.setLimits(kind, items, bytes);
   }
   void post(Job job) { inbox_.put(kCommand, 0, {std::move(job), nullptr, nullptr}); }
-  /// Calls `Use`, a function of the state, with the message. The job may be dropped, see Inbox;
-  /// returns how many older ones were. Allocates nothing in steady state.
+  /// Sends a job that calls `Use`, a function of the state, with the message; it may be dropped,
+  /// see Inbox. Returns how many older jobs were dropped. Allocates nothing in steady state.
   template <auto Use, typename Message>
   std::size_t put(std::size_t kind, std::size_t bytes,
                   const boost::shared_ptr<const Message>& message) {
@@ -159,21 +159,21 @@ class Worker {
   bool has(std::size_t kind) const { return inbox_.has(kind); }
   void clear(std::size_t kind) { inbox_.clear(kind); }
 
-  /// Waits for the result of a job, or for what it throws; std::future_error after stop(). Not for
-  /// the worker's own thread.
+  /// Sends a job, and returns its result or throws its exception; throws std::future_error after
+  /// stop(). Do not call this in the worker's own thread.
   template <typename Question>
   auto ask(Question question) {
     using Result = decltype(question(std::declval<State&>()));
     auto task = std::make_shared<std::packaged_task<Result(State&)>>(std::move(question));
     std::future<Result> result = task->get_future();
-    // The job alone holds the task: a job that is dropped breaks the promise, and nobody waits.
+    // Only the job holds the task, so dropping the job breaks the promise and ends the wait.
     post([task = std::move(task)](State& state) { (*task)(state); });
     return result.get();
   }
 
  private:
   using MessagePtr = boost::shared_ptr<const void>;
-  /// A command, or a message and its use.
+  /// A command, or a message and the function that uses it.
   struct Entry {
     Job command;
     MessagePtr message;
@@ -191,7 +191,7 @@ class Worker {
             entry.command(*state_);
           }
         });
-        entry = {};  // releases the message that it holds
+        entry = {};  // releases the message
       }
       if (afterwards_) attempt([&] { afterwards_(*state_); });
     }

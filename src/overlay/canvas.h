@@ -12,13 +12,13 @@ namespace ktgp_orb::overlay {
 inline const cv::Scalar kWhite(255, 255, 255);
 inline const cv::Scalar kBlack(0, 0, 0);
 
-/// Colour of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green.
-/// Colours of Okabe & Ito, "Color Universal Design" (2008), which all kinds of colour vision can
-/// distinguish; grey for the background.
+/// Colour of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green. The
+/// colours are from Okabe & Ito, "Color Universal Design" (2008), and can be distinguished with all
+/// kinds of colour vision; grey is for matches that the ratio filter removed.
 const cv::Scalar& colourOf(Level level, Geometry geometry);
 
-/// The image as 8-bit BGR into `region`, which has its size. Throws std::invalid_argument for an
-/// image that is neither CV_8UC1 nor CV_8UC3.
+/// Copies the image as 8-bit BGR into `region`, which must have the same size. Throws
+/// std::invalid_argument for an image that is neither CV_8UC1 nor CV_8UC3.
 void copyAsBgr(const cv::Mat& image, cv::Mat region);
 
 /// Sizes of text and strokes, in px, for an image size.
@@ -30,7 +30,7 @@ class Typeface {
   int lineHeight() const { return line_height_; }
   int stroke() const { return stroke_; }
   int width(const std::string& text) const;
-  /// White text; `corner` is the upper left one of the line.
+  /// Draws white text; `corner` is the upper left corner of the line.
   void draw(cv::Mat& canvas, const std::string& text, const cv::Point& corner) const;
 
  private:

@@ -38,7 +38,7 @@ cv::Point subpixel(const cv::Point2f& p) {
   return subpixel(p.x, p.y);
 }
 
-/// The image as the background of what is drawn on it; false if it is empty.
+/// Draws the image, dimmed, as a background. Returns false if the image is empty.
 bool drawDimmed(const cv::Mat& image, double share, double offset, cv::Mat& canvas) {
   canvas.create(image.size(), CV_8UC3);
   if (canvas.empty()) return false;
@@ -57,7 +57,7 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
   }
 }
 
-/// A stroke from the old position of a final match to the new one, which has a dot.
+/// Draws a stroke for each final match, from its old to its new position, which gets a dot.
 void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
@@ -71,13 +71,14 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-/// The border of the reference image mapped by the homography, if there is one, into the target's
-/// part of the canvas.
+/// Draws the border of the reference image, mapped by the homography (if there is one), into the
+/// target's part of the canvas.
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  constexpr double kNearHorizon = 0.02;  // the part beyond is 50 times as far away as the rest
+  // The outline ends where points are 50 times as far away as the nearest part.
+  constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : homography::partInView(view, corners, kNearHorizon)) {
@@ -85,12 +86,13 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
     outline.push_back(subpixel(p.x(), p.y()));
   }
+  // A black line beneath keeps the white line visible on white parts of the image.
   cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
   cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
 }
 
-/// The epipolar lines of a few final matches, if that is the geometry, into the target's part of
-/// the canvas. A line that misses its match, since the lens bends it, is left out.
+/// Draws the epipolar lines of a few final matches into the target's part of the canvas, if the
+/// geometry is epipolar. A line that misses its match because of lens distortion is left out.
 void drawEpipolarLines(const FrameView& reference, const FrameView& target,
                        const MatchResult& result, int stroke, cv::Mat& canvas) {
   constexpr std::size_t kLines = 8;
@@ -108,7 +110,7 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
     const Eigen::Vector2d match(at.x, at.y);
     const double distance = line.dot(match.homogeneous()) / line.head<2>().norm();
     if (!(std::abs(distance) < kMost)) continue;
-    // Drawn from one side of the canvas to the other, through the point of the line at the match.
+    // The line is drawn across the whole canvas, through its point nearest to the match.
     const Eigen::Vector2d along =
         (canvas.cols + canvas.rows) * Eigen::Vector2d(-normal.y(), normal.x());
     const Eigen::Vector2d middle = match - distance * normal;
@@ -119,10 +121,9 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
   }
 }
 
-/// OverlayStyle::flow without the panel.
+/// Draws OverlayStyle::flow without the panel.
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas) {
-  // A dark outline keeps white strokes visible on white.
   if (!drawDimmed(target.image, 0.7, 15.0, canvas)) return;
   const Typeface face(canvas.size());
   for (const Level level : {Level::knn, Level::kt, Level::ktg}) {
@@ -133,7 +134,7 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 
-/// Reference left, target right; black below the shorter one.
+/// Draws the reference left and the target right; the area below the shorter image is black.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas) {
   canvas.create(std::max(reference.rows, target.rows), reference.cols + target.cols, CV_8UC3);
   canvas.setTo(cv::Scalar::all(0));
@@ -141,9 +142,9 @@ void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& ca
   if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
 }
 
-/// Reference and target side by side. Lines join at most 150 of the matches that reached at least
-/// `level`, evenly chosen; the others are dots. `removed`: matches below `level` are dots, too. A
-/// thousand lines would hide both images.
+/// Draws reference and target side by side. Lines join at most 150 matches of at least `level`,
+/// evenly chosen, since a thousand lines would hide both images. The other matches of this level
+/// are dots. `removed`: matches below `level` are dots, too.
 void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  Level level, bool removed, cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);
@@ -183,9 +184,9 @@ cv::Mat toGrey(const cv::Mat& image) {
   return grey;
 }
 
-/// OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
-/// values, after the images got the same mean and contrast. Darkened target outside the warped
-/// reference, or everywhere if there is no homography.
+/// Draws OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
+/// values, after the images were given the same mean and contrast. Outside the warped reference, or
+/// everywhere if there is no homography, the darkened target is shown.
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
@@ -216,7 +217,7 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-/// Part of the headline about the two-view geometry.
+/// The part of the headline that describes the two-view geometry.
 std::string motionText(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
   std::string text;
@@ -248,10 +249,10 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
   return text;
 }
 
-/// Draws the panel at the left, from row `top` on or, where it has no room there, at the top:
-/// status, milliseconds, uncertainty of the corners, and for each stage its colour with its
-/// meaning, a bar, and the number of matches that ended there. `reference_size`: of the reference
-/// image, px.
+/// Draws the panel at the left, from row `top` on or, if there is no room, at the top. It shows
+/// status, milliseconds, uncertainty of the corners and, for each stage, a label, the number of
+/// matches that ended there, and a bar in the colour of the stage. `reference_size`: size of the
+/// reference image, px.
 void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
                cv::Mat& canvas) {
   const Typeface face(canvas.size());
@@ -289,7 +290,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   }
 }
 
-/// A line of text along the upper border, on a darkened strip.
+/// Draws a line of text along the upper border, on a darkened strip.
 void drawTitle(const std::string& text, cv::Mat& canvas) {
   const Typeface face(canvas.size());
   const int margin = face.lineHeight() / 3;
@@ -322,7 +323,7 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
       overlay::drawDifference(reference, target, result, canvas);
       break;
   }
-  // A smaller reference leaves room below it.
+  // Side by side, a shorter reference leaves room for the panel below it.
   const int top = style == OverlayStyle::side_by_side ? reference.image.rows : 0;
   overlay::drawPanel(result, reference.image.size(), top, canvas);
 }

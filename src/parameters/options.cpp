@@ -35,7 +35,7 @@ void setAll(const Value& value, const std::tuple<Options&...>& options) {
   std::apply([&](Options&... option) { (set(option, value), ...); }, options);
 }
 
-/// The options that the table names.
+/// Sets the core's options that the table names.
 SequenceOptions optionsFrom(const Parameters& p) {
   SequenceOptions options;
   auto& [orb, matcher, reference] = options;
@@ -47,9 +47,9 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether options are chosen for a fixed reference: not if a preset other than video was set.
-/// Every preset sets T_w: ktgp and teblid to that of a descriptor, those for views that differ
-/// strongly to 1.
+/// Whether we choose options for a fixed reference: not if a preset other than video was set. T_w
+/// shows such a preset: ktgp and teblid set it to the threshold of a descriptor, and the presets
+/// for strongly different views set it to 1.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||
@@ -67,12 +67,11 @@ Parameters wantedForFixed() {
   wanted.gms = false;
   wanted.views = 13;
   wanted.search_radius =
-      48.0;  // as preset video; what moves farther is searched in the whole image
+      48.0;  // px, as in preset video; points that move farther are searched in the whole image
   return wanted;
 }
 
-/// Puts these options in place of every default. A default that was set by hand cannot be told from
-/// one that was not.
+/// Replaces every option that has its default value, even if a user set that value by hand.
 Parameters chosenForFixed(const Parameters& given) {
   const Parameters usual;
   const Parameters wanted = wantedForFixed();
@@ -105,7 +104,7 @@ std::string noteOnFixed(const Parameters& parameters) {
 }
 
 std::string noteOnSize(int longer_side) {
-  constexpr int kLargest = 2500;  // px; the pyramid's 8 levels make it 700 px
+  constexpr int kLargest = 2500;  // px; 700 px at the top of the pyramid's 8 levels
   if (longer_side <= kLargest) return {};
   return "the images are " + std::to_string(longer_side) +
          " px long; made 1000 to 2500 px long first, they may be recognised";

@@ -12,27 +12,27 @@ namespace ktgp_orb {
 struct PipelineOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  Parameters parameters{};  ///< the source of the other two; T_w is never 0
+  Parameters parameters{};  ///< source of `orb` and `matcher`; T_w is never 0
 };
 
-/// The parameters in the core's types. Throws std::invalid_argument with the parameter's name for
-/// values that the core refuses.
+/// Converts the parameters to the core's types. Throws std::invalid_argument with the parameter's
+/// name for values that the core refuses.
 PipelineOptions pipelineOptions(const Parameters& parameters);
 
-/// The same for a sequence, with the options of the reference. A fixed reference is seen from
-/// anywhere; the paper's method is for neighbouring frames. So reference_mode fixed uses what pairs
-/// with strongly different views need in place of the defaults, unless a preset decides it.
+/// Does the same for a sequence, with the options of the reference. The paper's method is for
+/// neighbouring frames, but a fixed reference may be seen from anywhere. So reference_mode fixed
+/// replaces defaults by options for strongly different views, unless a preset was chosen.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
-/// The choices of sequenceOptions() for a fixed reference, as a message for the user; else empty.
+/// Tells users which options sequenceOptions() chose for a fixed reference; empty if it chose none.
 std::string noteOnFixed(const Parameters& parameters);
 
-/// Advice where images with this longer side, px, are not recognised, as a message for the
-/// user; empty for those that are small enough.
+/// Advice for users whose images have this longer side, px, and are not recognised; empty for
+/// images that are small enough.
 std::string noteOnSize(int longer_side);
 
-/// The overlay_style; the reference mode decides "auto": views of a fixed reference move too far
-/// for strokes. Throws std::invalid_argument for an unknown style.
+/// The style of the overlay. For "auto" it depends on the reference mode, because points move too
+/// far for strokes if the reference is fixed. Throws std::invalid_argument for an unknown style.
 OverlayStyle overlayStyleFrom(const Parameters& parameters);
 
 /// Throws std::invalid_argument for an unknown mode.

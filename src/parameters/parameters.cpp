@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// "a: text; b: text" -> a, b
+/// The names in a text of choices: a and b for "a: text; b: text".
 std::vector<std::string> namesOfChoices(const std::string& choices) {
   std::vector<std::string> names;
   std::istringstream entries(choices);
@@ -70,7 +70,7 @@ std::vector<ParameterRow> readRows() {
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;
   const std::string matcher =
-      "matcher";  // GCC 13 and 14 take a reference made from a temporary for dangling
+      "matcher";  // not a temporary, since GCC 13 and 14 would warn of a dangling reference
   for (const ParameterInfo& info : parametersOf(matcher)) {
     rows.push_back({info, fields[rows.size()]});
   }
@@ -83,7 +83,7 @@ std::vector<ParameterRow> readRows() {
                               info.expected());
 }
 
-/// The whole text as a number, in any locale; false if it is not a number.
+/// Reads the whole text as a number, whatever the locale; false if it is not a number.
 bool parse(const std::string& text, double& number) {
   std::istringstream in(text);
   in.imbue(std::locale::classic());
@@ -118,7 +118,7 @@ std::string textOf(const std::string& value) {
 std::string textOf(double value) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
-  for (const int digits : {6, 15, 17}) {  // the shortest text that gives the same number
+  for (const int digits : {6, 15, 17}) {  // finds the shortest text that gives the same number
     out.str("");
     out.precision(digits);
     out << value;

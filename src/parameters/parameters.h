@@ -25,9 +25,9 @@ class Limits {
   Limits() = default;
   Limits(double low, double high);
 
-  /// False for NaN.
+  /// Returns false for NaN.
   bool contains(double value) const;
-  /// "[0, 1]"
+  /// The limits as text, for example "[0, 1]".
   const std::string& text() const { return text_; }
   double low() const { return low_; }
   double high() const { return high_; }
@@ -50,7 +50,7 @@ struct ParameterInfo {
   Limits limits{};                     ///< range of a number
   std::vector<std::string> choices{};  ///< allowed texts; empty: any
 
-  /// "a number in [0, 1]", "range or tf_height", ...
+  /// Text on the allowed values: "a number in [0, 1]", "range or tf_height", ...
   std::string expected() const;
 };
 
@@ -58,7 +58,7 @@ struct ParameterInfo {
 /// std::invalid_argument for another name.
 const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
-/// A row of it. Throws std::invalid_argument for an unknown nodelet or parameter.
+/// A row of a table. Throws std::invalid_argument for an unknown nodelet or parameter.
 const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
 
 /// A parameter of the matcher and its value in Parameters.
@@ -68,7 +68,7 @@ struct ParameterRow : ParameterInfo {
   Field field;
 };
 
-/// The table of the matcher, in its order.
+/// All rows of the matcher's table, in the order of the table.
 const std::vector<ParameterRow>& parameterRows();
 
 /// The row with that name, or null.
@@ -78,13 +78,13 @@ const ParameterRow* findParameter(const std::string& name);
 /// parameter, the text and what is expected.
 void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters);
 
-/// The value as text for setParameter.
+/// The parameter's value as a text that setParameter() accepts.
 std::string valueText(const ParameterRow& row, const Parameters& parameters);
 
 /// Throws std::invalid_argument with the parameter, the value and what is expected, for a value
 /// outside its limits, NaN, or an unknown choice.
 void requireValid(const Parameters& parameters);
-/// The same for one value. Throws std::invalid_argument, beginning with `name`.
+/// Checks one value in the same way. The text of the exception begins with `name`.
 void requireValid(const ParameterInfo& info, const std::string& name, double value);
 void requireValid(const ParameterInfo& info, const std::string& name, const std::string& value);
 

@@ -24,7 +24,7 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 
-/// Reference image, px -> target, m.
+/// Map from the reference image, px, to the target, m.
 Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   const double metre = width / size.width;  // side of a pixel on the target, m
   Eigen::Matrix3d m;
@@ -33,18 +33,18 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   return m;
 }
 
-/// In front of the camera, with its face towards it.
+/// Whether the target is in front of the camera, with its face towards the camera.
 bool isSeen(const Eigen::Isometry3d& pose) {
   return pose.translation().z() > 0.0 && pose.linear().col(2).dot(pose.translation()) > 0.0;
 }
 
-/// Both solutions of IPPE from the corners; only those in front of the camera, with the target's
-/// face towards it.
+/// The two solutions of IPPE from the corners, without those behind the camera or with the target's
+/// face turned away.
 std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
                                         const Eigen::Matrix3d& camera, const cv::Size& size,
                                         const Eigen::Matrix3d& target_from_reference) {
   std::vector<cv::Point3d> on_target;
-  std::vector<cv::Point2d> on_image;  // with f = 1
+  std::vector<cv::Point2d> on_image;  // for a focal length of 1
   const Eigen::Matrix3d to_plane = camera.inverse() * homography;
   const double sign =
       to_plane.row(2).dot(Eigen::Vector3d(0.5 * size.width, 0.5 * size.height, 1.0));
@@ -74,17 +74,17 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
   return starts;
 }
 
-/// The problem of estimation::RobustFit: the pose whose homography, reference -> image, is nearest
-/// to a given one in units of its deviation.
+/// The problem of estimation::RobustFit: find the pose whose homography, reference -> image, is
+/// nearest to a given homography in units of its deviation.
 struct PoseProblem {
   using State = Eigen::Isometry3d;
 
   Vector8 wanted;  // entries of the homography
   util::SmallMatrix whitening;
   Eigen::Matrix3d camera, target_from_reference;
-  int parameters = 6;  // 3: the rotation is held
+  int parameters = 6;  // 3 if the rotation is held fixed
 
-  /// Moves by x, y, z in units of the distance, and rotates about the camera's axes, in place.
+  /// Moves by x, y, z in units of the distance, and rotates in place about the camera's axes.
   static Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const estimation::Step& step) {
     Eigen::Isometry3d out = pose;
     if (step.size() > 3) out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
@@ -114,7 +114,7 @@ struct PoseProblem {
 /// The pose that the fit finds from a start; empty if it does not converge in front of the camera.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
-  rules.most_steps = 300;  // large errors make them short: Gauss-Newton steps zigzag there
+  rules.most_steps = 300;  // with large errors, Gauss-Newton zigzags in short steps
   rules.converged = 1e-7;  // rad, and share of the distance
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
@@ -142,8 +142,8 @@ Eigen::Vector3d rotationBetween(const Eigen::Matrix3d& from, const Eigen::Matrix
 
 /// The second pose of an ambiguous view. If errors are large, the fit can have a single minimum,
 /// although the other solution of IPPE explains the homography nearly as well and lies outside the
-/// covariance of that minimum. Fits only the position, with the rotation of the other solution
-/// held; empty if there is no such solution.
+/// covariance of that minimum. This fits only the position, with the rotation of the other solution
+/// held fixed. Empty if there is no such solution.
 std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PoseProblem& problem,
                                            const std::vector<Eigen::Isometry3d>& starts) {
   constexpr double kReached = 11.34;  // chi-square of three degrees of freedom, 99 %
@@ -178,16 +178,16 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   return util::SmallMatrix(*whitening * deviation.cwiseInverse().asDiagonal());
 }
 
-// The scale of the errors is not known: the covariance knows neither a wrong K nor a picture of
-// another shape than the object. Its square has the prior of kPrior measurements with the claimed
-// one, so the squared error of a pose has the likelihood of Student's t distribution. A prior of
-// one gives squared errors of 3, 15 and 99 at the quantiles of 50, 75 and 90 %; the frames of a
-// real video have 5, 21 and 71.
+// The scale of the errors is not known, because the covariance does not include a wrong K, or a
+// picture of another shape than the object. The prior of the squared scale counts like kPrior
+// measurements with the claimed scale, so the squared error of a pose has the likelihood of
+// Student's t distribution. A prior of one measurement gives squared errors of 3, 15 and 99 at the
+// quantiles of 50, 75 and 90 %; the frames of a real video have 5, 21 and 71.
 constexpr double kPrior = 1.0;
-constexpr double kFreedom = 2.0;  // entries of H beyond a pose's six
+constexpr double kFreedom = 2.0;  // eight entries of H less six parameters of a pose
 
-/// Sorts two poses by their likelihood and sets their shares; one that is much less likely is left
-/// out.
+/// Sorts two poses by their likelihood and sets their shares. Leaves out a pose that is much less
+/// likely than the other.
 void setShares(std::vector<PlanarPose>& poses) {
   constexpr double kLeastShare = 0.001;  // share of the likelihood
   if (poses.size() < 2) return;
@@ -200,7 +200,7 @@ void setShares(std::vector<PlanarPose>& poses) {
   poses.pop_back();
 }
 
-/// The pose of each start, and the start itself where both lead to one pose.
+/// The pose fitted from each start. If both starts give one pose, adds the pose of the rival start.
 std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
                                   const PoseProblem& problem) {
   constexpr double kSame = 1e-4;  // rad
@@ -220,8 +220,8 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
   return poses;
 }
 
-// Points all over a reference image. A rolling shutter bends the picture, and a homography is
-// nearest to all of it, not to its corners.
+// Points all over a reference image. A rolling shutter bends the picture, so its homography fits
+// the whole picture best, not the corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
@@ -236,7 +236,7 @@ GridPoints gridOf(const cv::Size& size) {
   return points;
 }
 
-/// Derivative of the mapped points by the homography's entries.
+/// Jacobian of the mapped points with respect to the entries of the homography.
 util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& homography) {
   util::SmallMatrix jacobian(2 * kGridPoints, 8);
   for (int i = 0; i < kGridPoints; ++i) {
@@ -245,8 +245,8 @@ util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& ho
   return jacobian;
 }
 
-/// Gauss-Newton from `homography`, which is near, to the one that maps the points as near as
-/// possible to where they are wanted. Returns its Jacobian.
+/// Moves `homography` by Gauss-Newton steps until it maps `points` as near as possible to `wanted`,
+/// and returns its Jacobian. The start must be near the result.
 util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
                            Eigen::Matrix3d& homography) {
   constexpr int kSteps = 3;
@@ -263,12 +263,12 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   return jacobian;
 }
 
-/// `now`, with the additional uncertainty of a readout time of the usual deviation. This error
-/// stays the same as long as the motion does.
+/// Adds the uncertainty of an unknown readout time to `now`. This error stays the same as long as
+/// the motion does, so it is part of the shared covariance.
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
-  // An image has been read when the next one begins.
+  // The readout of an image ends before the next image begins.
   const double deviation = std::min(util::kUnknownReadout, seconds);
   const Vector8 change =
       util::entriesOf(
@@ -352,7 +352,7 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
   const util::SmallMatrix by_answer = approach(points, moved, answer.homography);
   by_now = util::leastSquares(by_answer, by_now).solution;
   by_before = util::leastSquares(by_answer, by_before).solution;
-  // The smooth errors are about the same in both homographies, the noise is not.
+  // The smooth errors are about the same in both homographies, but the noise is not.
   const Covariance8 noise_now = now.covariance - now.shared_covariance;
   const Covariance8 noise_before = before.covariance - before.shared_covariance;
   answer.shared_covariance = util::propagated(by_now + by_before, now.shared_covariance);

@@ -24,7 +24,7 @@ bool isWide(const py::array& array) {
   return py::isinstance<py::array_t<std::uint16_t>>(array);
 }
 
-/// NumPy would drop the mask of a masked array without a word.
+/// Refuses a masked array with hidden values, because NumPy would silently drop the mask.
 void refuseMasked(const py::handle& object, const std::string& name) {
   if (!py::hasattr(object, "filled") || !py::hasattr(object, "mask")) return;
   if (!object.attr("mask").attr("any")().cast<bool>()) return;
@@ -32,8 +32,8 @@ void refuseMasked(const py::handle& object, const std::string& name) {
                         "what is hidden in a mask of its own: (~array.mask).astype(np.uint8)");
 }
 
-/// An array of uint8, or of uint16 if it `may_be_wide`, whose pixels of a row are next to each
-/// other; a copy only if they are not.
+/// The object as an array of uint8, or of uint16 if it `may_be_wide`, with contiguous rows. Copies
+/// the array only if its rows are not contiguous.
 py::array bytesOf(const py::object& object, const std::string& name, bool may_be_wide = false) {
   const char* const expected = may_be_wide ? "uint8 or uint16" : "uint8";
   if (!py::isinstance<py::array>(object)) {
@@ -67,7 +67,7 @@ cv::Mat matrixOf(const py::array& array, int type) {
   const auto rows = static_cast<int>(array.shape(0));
   const auto columns = static_cast<int>(array.shape(1));
   if (rows == 0 || columns == 0) return {};
-  // OpenCV has no matrices of constant pixels; these are only read.
+  // cv::Mat cannot hold const pixels, but we only read these.
   auto* const pixels = static_cast<std::uint8_t*>(const_cast<void*>(array.data()));
   return {rows, columns, type, pixels, static_cast<std::size_t>(array.strides(0))};
 }
@@ -108,8 +108,7 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
   return keypoints;
 }
 
-/// Keypoints that are not in the image, or not finite, would end in a homography that means
-/// nothing.
+/// Refuses keypoints outside the image or with infinite numbers, which give wrong homographies.
 void requireInside(const Features& features) {
   const cv::Size& size = features.image_size;
   for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
@@ -125,7 +124,7 @@ void requireInside(const Features& features) {
   }
 }
 
-/// Grey or colour of 8 or 16 bits, unchanged.
+/// The array as a grey or colour image of 8 or 16 bits, unchanged.
 ImageArray anyImage(const py::object& image, const std::string& name) {
   ImageArray out{bytesOf(image, name, true), {}};
   const py::array& array = out.owner;
@@ -140,7 +139,7 @@ ImageArray anyImage(const py::object& image, const std::string& name) {
   return out;
 }
 
-/// Removes alpha, if there is one; the pixels that it hides are not part of the picture.
+/// Converts the colours, removes alpha and fills the pixels that alpha hides.
 void convertColour(int with_alpha, int without, cv::Mat& pixels) {
   const cv::Mat given = std::exchange(pixels, cv::Mat());
   cv::cvtColor(given, pixels, given.channels() == 4 ? with_alpha : without);

@@ -19,11 +19,11 @@ struct ImageArray {
   cv::Mat pixels;
 };
 
-/// An array without a copy where its rows are dense uint8: (height, width) as CV_8UC1, or (height,
-/// width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Alpha is left out,
-/// and what it hides is replaced (see util::fillHidden); of uint16, grey is stretched as the
-/// programs do, and colours lose their lower bits. Throws py::value_error, which names the image,
-/// its type or shape, and what is expected; also for a masked array with hidden values.
+/// An array (height, width) as CV_8UC1, or (height, width, 3) in the order blue, green, red, as
+/// OpenCV reads files, as CV_8UC3. Dense rows of uint8 are not copied. Alpha is removed, and the
+/// pixels that it hides are replaced (see util::fillHidden). uint16 grey is stretched as in the
+/// programs, and uint16 colours lose their lower bits. Throws py::value_error, which names the
+/// image, its type or shape, and what is expected; also for a masked array with hidden values.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
 /// An image as CV_8UC1; colours are converted, then stretched.
@@ -32,15 +32,15 @@ ImageArray greyImage(const py::object& image, const std::string& name);
 /// A mask as CV_8UC1, or an empty matrix for None.
 ImageArray maskImage(const py::object& mask);
 
-/// (N, 6) float32: x, y, size, angle, response, octave.
+/// The keypoints as (N, 6) float32: x, y, size, angle, response, octave.
 py::array_t<float> keypointArray(const Features& features);
-/// (N, 32) uint8, in the memory of `features`, which `owner` keeps alive; read-only.
+/// The descriptors as read-only (N, 32) uint8, in memory of `features` that `owner` keeps alive.
 py::array_t<std::uint8_t> descriptorArray(const Features& features, const py::object& owner);
-/// A list of cv2.KeyPoint. Imports cv2.
+/// The keypoints as a list of cv2.KeyPoint. Imports cv2.
 py::list cvKeypoints(const Features& features);
 
-/// Features from keypoints, an array as of keypointArray() or a list of cv2.KeyPoint, and their
-/// descriptors. `image_size`: (width, height). Throws py::value_error.
+/// Features from keypoints and their descriptors. The keypoints are an array, as keypointArray()
+/// returns it, or a list of cv2.KeyPoint. `image_size`: (width, height). Throws py::value_error.
 Features featuresFrom(const py::object& keypoints, const py::object& descriptors,
                       const std::pair<int, int>& image_size, const std::string& descriptor);
 
@@ -52,7 +52,7 @@ py::array_t<Number> view(const std::vector<Number>& values, const py::object& ow
   return out;
 }
 
-/// The same for points, of shape (N, 2) or (N, 3).
+/// A read-only array of points, of shape (N, 2) or (N, 3), in the memory of `points`.
 template <int Size>
 py::array_t<double> view(const std::vector<Eigen::Matrix<double, Size, 1>>& points,
                          const py::object& owner) {

@@ -1,4 +1,4 @@
-// Classes built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
+// Python classes that use the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
 #include <cmath>
@@ -53,7 +53,7 @@ std::string addTarget(Targets& targets, const std::string& id, const py::object&
   });
 }
 
-/// A detected target with its poses, which need K.
+/// A detected target with its poses, which are known only with K.
 struct PosedTarget : DetectedTarget {
   std::vector<PlanarPose> poses;
 };

@@ -42,7 +42,7 @@ py::list stagesOf(const Match& match) {
   return out;
 }
 
-/// A property of the likeliest motion; None without one.
+/// Getter for a property of the likeliest motion; None if there is no motion.
 template <typename Value>
 auto motionField(Value Motion::*field) {
   return [field](const Match& match) {
@@ -63,7 +63,7 @@ std::string textOf(const Match& match) {
          " inliers, found by " + match.found_by + ">";
 }
 
-/// Throws std::invalid_argument for a K that nothing would use.
+/// Hints for the matcher. Throws std::invalid_argument for a K that the geometry would not use.
 MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Matrix3d>& camera,
                    const std::optional<Eigen::Matrix3d>& target_camera) {
   if ((camera || target_camera) && options.geometry == GeometryModel::homography) {
@@ -100,7 +100,7 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   return std::make_shared<Match>(pair.match, pair.reference, pair.target, inputOf(hints));
 }
 
-/// An extractor that several Python threads may call; one of them works at a time.
+/// An extractor that several Python threads may call; only one thread works at a time.
 class Extractor {
  public:
   explicit Extractor(const Settings& made_from)
@@ -121,11 +121,11 @@ class Extractor {
 
  private:
   Shared<OrbExtractor> extractor_;
-  // New memory for the images of each frame would cost 2 % of its time.
+  // Reuses memory: allocating the images of each frame would cost 2 % of its time.
   util::Pool<Features> made_{4, [](Features&) {}};
 };
 
-/// A matcher that several Python threads may call; one of them works at a time.
+/// A matcher that several Python threads may call; only one thread works at a time.
 class Matcher {
  public:
   explicit Matcher(const Settings& made_from)
@@ -146,7 +146,7 @@ class Matcher {
 
  private:
   Shared<KtgpMatcher> matcher_;
-  MatchResult result_;  // result of the call that uses matcher_
+  MatchResult result_;  // result of the current call
 };
 
 void defineMotion(py::module& module) {
@@ -276,7 +276,7 @@ void defineMatch(py::module& module) {
                       }));
 }
 
-/// State for pickle, with the images, which the sub-pixel alignment needs.
+/// The pickled state of features, with the images, which the sub-pixel alignment needs.
 py::tuple featuresState(const py::object& self) {
   const auto& features = self.cast<const Features&>();
   py::list images;
@@ -390,7 +390,7 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
   std::vector<ScenePoint> scene;
   triangulate(result.two_view.pairs, input, result.two_view.view, scene);
-  // Matches without a neighbour have no row.
+  // Keypoints without a nearest neighbour have no row in the arrays.
   std::vector<std::int32_t> rows;
   rows.reserve(result.correspondences.size());
   std::int32_t row = 0;
@@ -406,7 +406,7 @@ void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
 
 namespace {
 
-/// A field for pickle, and back: an array becomes the bytes of its memory.
+/// Converts a field for pickle and back. An array becomes the bytes of its memory.
 template <typename Value>
 const Value& pickled(const Value& value) {
   return value;
@@ -428,7 +428,7 @@ void unpickle(const py::handle& bytes, std::vector<Value>& values) {
     std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
 }
 
-/// References to all fields but the stages, which follow in the pickled state.
+/// References to all fields except the stages, which follow them in the pickled state.
 template <typename AnyMatch>
 auto fieldsOf(AnyMatch& m) {
   return std::tie(m.status, m.found_by, m.answer.homography, m.answer.covariance,

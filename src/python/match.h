@@ -26,8 +26,8 @@ struct Motion {
   std::optional<Covariance6> covariance;
 };
 
-/// The result for a pair of images, with the arrays that Python sees: a row for each correspondence
-/// of the four stages, then for each one that guided matching or the growth added.
+/// The result for a pair of images, with the arrays that Python sees. They have a row for each
+/// correspondence of the four stages, then a row for each one that guided matching or growth added.
 struct Match {
   struct Stage {
     std::string name;
@@ -37,12 +37,12 @@ struct Match {
   };
 
   Match() = default;
-  /// Copies from `result`, and the positions from the features. `input`: the K that the points of
-  /// the scene need.
+  /// Copies the values of `result` and the positions of the features. `input`: the camera matrices,
+  /// which the points of the scene need.
   Match(const MatchResult& result, const Features& reference, const Features& target,
         const TwoViewInput& input = {});
 
-  /// False for a scene with depth.
+  /// Returns false for a scene with depth, which has no homography.
   bool hasHomography() const { return status == "ok" && geometry != "epipolar"; }
 
   std::string status;
@@ -55,7 +55,7 @@ struct Match {
   std::optional<Motion> motion;
   std::optional<Motion> other;
   std::optional<Eigen::Matrix3d> fundamental;
-  std::map<std::string, double> numbers;  ///< numbers of two_view::visitNumbers
+  std::map<std::string, double> numbers;  ///< by the names of two_view::visitNumbers
   std::vector<Eigen::Vector3d> points;
   std::vector<double> point_deviations;
   std::vector<std::int32_t> point_matches;
@@ -87,7 +87,7 @@ inline double secondsOf(std::int64_t stamp) {
   return 1e-9 * static_cast<double>(stamp);
 }
 
-/// State of a match for pickle.
+/// Converts a match to its pickled state and back.
 py::tuple stateOf(const Match& match);
 void restore(const py::tuple& state, Match& match);
 

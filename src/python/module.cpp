@@ -1,6 +1,6 @@
 #include "python/match.h"
 
-// The name of PyInit_checked, which PYBIND11_MODULE defines; Python calls the function below.
+// Defines PyInit_checked. Python calls the function below, which calls PyInit_checked.
 PYBIND11_MODULE(checked, module) {
   module.attr("__name__") = "ktgp_orb_core";
   module.attr("__version__") = KTGP_ORB_VERSION;
@@ -15,7 +15,7 @@ PYBIND11_MODULE(checked, module) {
   ktgp_orb::python::defineConsumers(module);
 }
 
-/// pybind11 would wait for ever in a sub-interpreter.
+/// Refuses sub-interpreters, in which pybind11 would wait forever.
 // NOLINTNEXTLINE(readability-identifier-naming): the name that Python looks for
 extern "C" PYBIND11_EXPORT PyObject* PyInit_ktgp_orb_core() {
   if (PyThreadState_Get()->interp != PyInterpreterState_Main()) {

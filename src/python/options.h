@@ -8,23 +8,23 @@
 
 namespace ktgp_orb::python {
 
-/// Which parameters an object obeys.
+/// Which parameters an object accepts.
 enum class Scope { pair, sequence };
 
-/// How an object was made, for pickle.
+/// The arguments that an object was made from, which pickle needs.
 struct Settings {
   pybind11::object preset;
   pybind11::kwargs changes;
 };
 
 /// The parameters of a preset, changed by keywords with the names of doc/parameters.md, e.g.
-/// T_w=0.8. If the descriptor changes and T_w is not given, T_w is the default of the new one.
-/// Throws std::invalid_argument for an unknown preset or name, a name that `scope` does not obey,
-/// and a value out of its range.
+/// T_w=0.8. If a keyword changes the descriptor and none sets T_w, T_w becomes the default of the
+/// new descriptor. Throws std::invalid_argument for an unknown preset or name, a name outside
+/// `scope`, and a value out of its range.
 Parameters parametersFrom(const Settings& settings, Scope scope);
 
-/// Defines __init__(preset, **parameters) of a class whose objects are made from Settings, and
-/// pickle: the copy is as new, with the same settings.
+/// Defines __init__(preset, **parameters) and pickling for a class whose objects are made from
+/// Settings. A pickled copy is a new object with the same settings.
 template <typename Class>
 void defineSettings(Class& object, const char* usual_preset, const char* text) {
   namespace py = pybind11;

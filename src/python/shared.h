@@ -9,9 +9,9 @@
 
 namespace ktgp_orb::python {
 
-/// Lets other threads of Python run. A daemon thread that comes back after the end of the
-/// interpreter stops here for ever, as it does in Python 3.14. Older ones end it by unwinding,
-/// which would abort the process on its way through C++.
+/// Releases the GIL so that other Python threads can run. A daemon thread that wants the GIL back
+/// after the interpreter has ended stops here forever, as in Python 3.14. Older versions end the
+/// thread by unwinding its stack, which would abort the process when it reaches C++ code.
 class WithoutGil {
  public:
   WithoutGil() = default;
@@ -36,10 +36,10 @@ class Shared {
   template <typename Options>
   explicit Shared(const Options& options) : object_(options) {}
 
-  /// Waits until no other thread uses the object, and lets other threads of Python run while it
-  /// does the work; returns what that returns. To be called with the GIL, without which no process
-  /// is forked. Throws std::runtime_error in a forked process if the object was in use at the fork:
-  /// the thread that used it does not exist there, so the wait would not end.
+  /// Waits until no other thread uses the object, does the work with the GIL released, and returns
+  /// its result. Call this with the GIL, since Python forks processes only with the GIL. Throws
+  /// std::runtime_error in a forked process if the object was in use at the fork: the thread that
+  /// used it does not exist there, so the wait would never end.
   template <typename Work>
   auto use(const Work& work) {
     lock();

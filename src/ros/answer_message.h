@@ -11,7 +11,7 @@
 
 namespace ktgp_orb {
 
-/// Copies between a field of an answer and that of a message, where matrices are arrays, row by
+/// Copies a field between an answer and a message. A message stores a matrix as an array, row by
 /// row.
 struct CopyField {
   void operator()(const char* /*name*/, double from, double& to) const { to = from; }
@@ -27,13 +27,13 @@ struct CopyField {
   }
 };
 
-/// Copies the answer to a message with all fields: HomographyStamped, TargetDetection.
+/// Copies the answer to a message that has all its fields: HomographyStamped or TargetDetection.
 template <typename Message>
 void copyAnswer(const UncertainHomography& answer, Message& message) {
   homography::visitAnswer(CopyField(), answer, message);
 }
 
-/// The answer of the message; empty if none was found.
+/// The answer in the message; empty if no homography was found.
 inline std::optional<UncertainHomography> answerOf(const HomographyStamped& message) {
   if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
   UncertainHomography answer;

@@ -38,7 +38,7 @@ void requireCalibrated(const sensor_msgs::CameraInfo& info) {
   }
 }
 
-/// Adapts `camera`, calibrated for the whole sensor, to a reduced image of a part of it.
+/// Adapts `camera`, calibrated for the whole sensor, to the region of interest and the binning.
 void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   camera(0, 2) -= info.roi.x_offset;
   camera(1, 2) -= info.roi.y_offset;
@@ -48,7 +48,7 @@ void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   }
 }
 
-/// Whether the lens moves no point.
+/// Whether the lens leaves all points in place.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
                                     [](double coefficient) { return coefficient != 0.0; });
@@ -108,7 +108,7 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   const cv::Matx34d projection(info.P.data());
   calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
   if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
-  // A part of the image (roi) need not contain the principal point, the whole one does.
+  // The whole image contains the principal point; a region of interest (roi) need not.
   const cv::Size whole(static_cast<int>(info.width), static_cast<int>(info.height));
   util::requirePrincipalPoint("K of the camera_info", calibration.camera, whole);
   shrink(info, calibration.camera);
@@ -151,7 +151,7 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   TwoViewInput input;
   input.reference_camera = camera.camera;
   input.reference_size = input.target_size = image_size;
-  estimateTwoView({}, {}, input);  // refuses it here rather than with every frame
+  estimateTwoView({}, {}, input);  // refuses a bad K now rather than with each frame
   return camera;
 }
 

@@ -17,19 +17,19 @@ enum class Pixels : std::uint8_t {
   rectified,  ///< without distortion, such as image_proc's image_rect: P of its camera_info applies
 };
 
-/// The topic of the images without what a transport appends: "/camera/image_raw" of
+/// The topic of the images without the suffix of a transport: "/camera/image_raw" for
 /// "/camera/image_raw/compressed".
 std::string rawTopic(const std::string& topic);
 
-/// `name`: by_name, raw or rectified. by_name: images are rectified if the last part of their
-/// topic's name that begins with "image" begins with "image_rect", as in image_proc; a transport or
-/// a relay may append parts. Throws std::invalid_argument.
+/// `name`: by_name, raw or rectified. by_name looks at the last part of the topic's name that
+/// begins with "image", since a transport or a relay may append parts. The images are rectified if
+/// this part begins with "image_rect", as in image_proc. Throws std::invalid_argument.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 struct PixelCamera {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K of an image without distortion, px
-  LensConstPtr lens;  ///< moves points of the raw image to the pixels of `camera`; null: the image
-                      ///< is rectified
+  LensConstPtr lens;  ///< moves points of the raw image to the pixels of `camera`; null: there is
+                      ///< no distortion
 };
 
 /// The camera for images of `image_size`, with binning and region of interest applied. Throws
@@ -39,8 +39,8 @@ struct PixelCamera {
 PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size);
 
-/// The same for the two-view geometry. Throws for a K that it refuses, too, for example with a
-/// principal point outside of the image.
+/// Like pixelCamera(), for the two-view geometry. Also throws for a K that the two-view geometry
+/// refuses, for example with a principal point outside of the image.
 PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                           const cv::Size& image_size);
 
@@ -48,10 +48,10 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 cv::Size imageSize(const sensor_msgs::CameraInfo& info);
 
 /// Throws std::invalid_argument unless `seconds` is a readout time of a shutter: -1 (not known), or
-/// from -0.2 to 0.2, below 0 where the last row is exposed first.
+/// from -0.2 to 0.2, negative if the last row is exposed first.
 void requireReadoutTime(double seconds);
 
-/// The lens for raw images of the camera, for any size. Throws as pixelCamera.
+/// The lens for raw images of the camera, whatever their size. Throws like pixelCamera().
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
 
 }  // namespace ktgp_orb

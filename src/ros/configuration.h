@@ -26,8 +26,8 @@ struct Configuration {
   util::GreyStretch stretch =
       util::GreyStretch::percentile;  ///< how 16-bit images become 8-bit ones
   CameraView view;                    ///< for the camera's images, not for reference_image
-  bool rectify = false;               ///< the lens in `view` is wanted
-  std::string lens_problem;           ///< why `view` has no lens, in case of a problem
+  bool rectify = false;               ///< whether the lens in `view` is wanted
+  std::string lens_problem;           ///< why `view` has no lens; empty: no problem
   std::string camera_problem;         ///< why `view.camera` cannot be used
   double max_rate = 0.0;              ///< Hz; 0: all frames
   OverlayStyle overlay_style = OverlayStyle::flow;
@@ -36,22 +36,22 @@ struct Configuration {
 
 using ConfigurationConstPtr = boost::shared_ptr<const Configuration>;
 
-/// The values of dynamic_reconfigure by the names of the table.
+/// Converts the values of dynamic_reconfigure to Parameters.
 Parameters parametersFrom(const KtgpConfig& config);
 
-/// Everything except what comes from files and messages, which is null: the reference image, the
-/// masks, the lens. Throws std::invalid_argument for values out of their limits, including NaN.
+/// Converts the parameters. Reference image, masks and lens stay null, since they come from files
+/// and messages. Throws std::invalid_argument for values out of their limits, or NaN.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
 
-/// The documented defaults. GroundMotionConfig::__getDefault__ has the same, but needs roscpp,
+/// The documented defaults. GroundMotionConfig::__getDefault__ returns the same, but needs roscpp,
 /// which takes time to load.
 GroundMotionConfig groundMotionDefaults();
 
-/// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
-/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
+/// Removes the leading slash of frames, which tf2 does not allow. Throws std::invalid_argument for
+/// an odom_frame that is empty or equals base_frame, and for an invalid readout_time.
 GroundMotionConfig usable(GroundMotionConfig config);
-/// The base frame of the messages: `base_frame`, or that of the camera.
+/// The base frame of the messages: base_frame or, without it, the camera's frame with "_level".
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
 
 }  // namespace ktgp_orb

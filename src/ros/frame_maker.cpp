@@ -14,7 +14,7 @@ namespace {
 
 using util::text;
 
-/// Restricts `mask` to `other`.
+/// Sets `mask` to 0 where `other` is 0.
 void narrow(const cv::Mat& other, const std::string& name, cv::Mat& mask) {
   if (other.empty()) return;
   if (other.size() != mask.size()) {
@@ -48,7 +48,7 @@ cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message) {
 
 void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   const std::shared_ptr<PixelMemory> memory = memory_.take();
-  // A caller may hold the matrix without the frame.
+  // Do not overwrite a matrix that a caller still holds without the frame.
   if (util::isShared(memory->grey)) memory->grey.release();
   toFrame(message, stretch_, memory, frame);
   frame.mask = maskOf(frame.image.size());
@@ -59,8 +59,8 @@ void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   setCamera(frame);
 }
 
-/// Computed once for all images of one size. A camera_info that cannot be used gives no camera; the
-/// node reports why.
+/// Sets the camera, which is computed once for all images of one size. An unusable camera_info
+/// gives no camera; the node reports why.
 void FrameMaker::setCamera(Frame& frame) {
   frame.camera.reset();
   frame.camera_lens = nullptr;
@@ -76,10 +76,10 @@ void FrameMaker::setCamera(Frame& frame) {
   }
   if (!camera_) return;
   frame.camera = camera_->camera;
-  frame.camera_lens = frame.lens ? nullptr : camera_->lens;  // its points are moved already
+  frame.camera_lens = frame.lens ? nullptr : camera_->lens;  // points are already rectified
 }
 
-// Computed once for all images of one size.
+// The combined mask, computed once for all images of one size.
 const cv::Mat& FrameMaker::maskOf(const cv::Size& size) {
   const bool masked = !view_.file_mask.empty() || !view_.sent_mask.empty();
   if ((!masked && view_.roi.empty()) || mask_.size() == size) return mask_;

@@ -18,8 +18,8 @@ namespace ktgp_orb {
 /// The used part of a camera's images, and the lens.
 struct CameraView {
   cv::Rect roi;                            ///< px; empty: the whole image
-  cv::Mat file_mask;                       ///< CV_8UC1, of mask_image; empty: none
-  cv::Mat sent_mask;                       ///< CV_8UC1, of ~mask; empty: none
+  cv::Mat file_mask;                       ///< CV_8UC1, from mask_image; empty: none
+  cv::Mat sent_mask;                       ///< CV_8UC1, from ~mask; empty: none
   LensConstPtr lens;                       ///< null: points stay in the camera's own pixels
   sensor_msgs::CameraInfoConstPtr camera;  ///< for the two-view geometry; null: not known
   Pixels pixels = Pixels::raw;             ///< kind of the images of `camera`
@@ -47,7 +47,7 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  // In steady state no image needs an allocation.
+  // Pooled memory, so that images need no allocation in steady state.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
   std::optional<PixelCamera> camera_;  // for images of `camera_size_`
   cv::Size camera_size_;

@@ -22,9 +22,9 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Adds a message in the order of the stamps, which may jitter. A single stamp that goes back
-/// farther is wrong, and its message is left out; two in a row mean a looped bag, or a clock that
-/// was set. `went_back`: the last message went back.
+/// Inserts a message in the order of the stamps, which may jitter. A single stamp that goes back by
+/// more than a second is wrong, and its message is dropped. Two in a row mean a looped bag or a
+/// reset clock. `went_back`: whether the stamp of the last message went back.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages, bool& went_back) {
   constexpr std::size_t kKept = 1000;  // messages
@@ -47,11 +47,11 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
-// Deviations of tf, and of an Imu that does not give its own, about each axis.
+// Standard deviations about each axis, for tf and for an Imu that gives no covariance.
 constexpr double kNormalDeviation = 0.5 * kDegree;
 constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
 
-/// The largest standard deviation of the first `axes` axes; `usual` where the covariance is zero,
+/// The largest standard deviation of the first `axes` axes; `usual` if the covariance is zero,
 /// which means that it is not known.
 template <typename Covariance>
 double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
@@ -60,7 +60,7 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// The result of `read`; empty, with the reason, if it throws std::invalid_argument.
+/// The result of `read`. If `read` throws std::invalid_argument: empty, and `why` is the reason.
 template <typename Read>
 auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   why.clear();
@@ -85,7 +85,7 @@ void GroundReadings::add(const sensor_msgs::Imu& imu) {
 bool GroundReadings::complete(const std_msgs::Header& image) const {
   std::vector<std::string> frames;
   if (usesImu()) {
-    // An Imu with a stamp far ahead says nothing about those that are still to come.
+    // An Imu message with a stamp far ahead does not show that all earlier ones have arrived.
     const ros::Time latest = image.stamp + ros::Duration(config_.max_age);
     const bool has_come = std::any_of(imus_.rbegin(), imus_.rend(), [&](const auto& imu) {
       return imu.header.stamp >= image.stamp && imu.header.stamp <= latest;
@@ -153,7 +153,7 @@ GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) co
   }
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   if (config_.base_frame.empty()) {
-    // The base is level where the camera looks straight down.
+    // The base has a fixed rotation to the camera, and is level if the camera looks straight down.
     options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
     return options;
   }
@@ -187,14 +187,14 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   frame.down = attempt([&] { return down(h.header); }, no_normal_);
   dropSidewaysBeam(frame);
   frame.turn = attempt([&] { return turn(h.header); }, no_turn_);
-  // A single stamp that goes back is wrong, see GroundMotion.
+  // Ignore a single stamp that goes back, since it is wrong; see GroundMotion.
   const bool goes_back = h.header.stamp < last_image_;
   if (!goes_back || image_went_back_) last_image_ = h.header.stamp;
   image_went_back_ = goes_back && !image_went_back_;
   return frame;
 }
 
-/// A distance to something else, such as a wall, is not a height.
+/// Drops the range if its beam does not meet the ground, since a distance to a wall is no height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
@@ -268,7 +268,7 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
     case GroundStatus::no_covariance:
       return "the homography has no covariance, or one that is not positive definite";
     case GroundStatus::no_height: {
-      // There is no trouble where the newest reading was used for an earlier frame.
+      // heightTrouble() gives no text if an earlier frame has already used the newest reading.
       const std::string trouble = heightTrouble(estimate);
       return "no height: " + (trouble.empty() ? "no new reading yet" : trouble);
     }
@@ -359,7 +359,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   DownReading reading;
   reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
-  if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
+  if (!of_tf && config_.base_frame.empty()) return reading;  // down along the optical axis
   const Pose3 found =
       transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id, image.stamp);
   reading.direction = -found.linear().row(2).transpose();
@@ -394,7 +394,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
-  double ages = 0.0;  // sum, before the later image
+  double ages = 0.0;  // s, sum of the ages at the later image
   double deviation = kGyroDeviation;
   std::string frame;
   std::string why = "no angular velocity on " + imu_topic_ + " between two images";
@@ -427,7 +427,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
 }
 
 std::string shutterReport(const GroundEstimate& estimate) {
-  constexpr double kCertain = 5.0;  // deviations
+  constexpr double kCertain = 5.0;  // standard deviations
   if (!(std::abs(estimate.readout_time) > kCertain * estimate.readout_deviation)) return "";
   return util::format("the shutter rolls: about %.1f ms from the %s",
                       1e3 * std::abs(estimate.readout_time),

@@ -16,11 +16,11 @@
 
 namespace ktgp_orb {
 
-/// Collects what the ground motion needs beside the homography, from messages and tf, and knows
-/// why something is missing. An instance belongs to one thread at a time.
+/// Collects the readings that the ground motion needs besides the homography, from messages and tf,
+/// and explains why a reading is missing. An instance belongs to one thread at a time.
 class GroundReadings {
  public:
-  /// `tf` must live longer.
+  /// `tf` must outlive this object.
   explicit GroundReadings(const tf2::BufferCore& tf) : tf_(tf) {}
 
   /// `range_topic`, `imu_topic`: names of the topics for explanations.
@@ -36,43 +36,42 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether no later message can tell more about the image, unless stamps jitter: an Imu after it
-  /// has come, and tf knows where the camera, the sensors and the ground are at its time.
+  /// Whether all readings for the image have arrived, unless stamps jitter: there is a later Imu
+  /// message, and tf knows the camera, the sensors and the ground at the time of the image.
   bool complete(const std_msgs::Header& image) const;
 
-  /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
-  /// where the camera is.
+  /// Options for the camera's images. Throws std::invalid_argument if tf does not know its pose.
   GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
-  /// The frame of a homography to an image of `size`, with all usable readings. Throws
+  /// Combines a homography to an image of `size` with all usable readings. Throws
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
-  /// Why the newest frame has no rotation; empty: it has, or needs none.
+  /// Why the newest frame has no rotation; empty if it has one or needs none.
   const std::string& noTurn() const { return no_turn_; }
-  /// The estimate for the newest frame; call it once for each frame. After a second without a
-  /// usable height or normal, the estimate has the status that says so in place of a pose.
+  /// Completes the estimate for the newest frame; call this once for each frame. After a second
+  /// without a usable height or normal, the status says so, and the estimate has no pose.
   GroundEstimate withPatience(GroundEstimate estimate);
-  /// Why the newest frame has no motion; empty: it has.
+  /// Why the newest frame has no motion; empty if it has one.
   std::string problemOf(const GroundEstimate& estimate) const;
-  /// Which reading of the newest frame is missing, or contradicts the others so that it hardly
-  /// counts, with the likely cause; empty: none.
+  /// Which reading of the newest frame is missing or contradicts the others so much that it hardly
+  /// counts, with the likely cause; empty if all readings are used.
   std::string notUsed(const GroundEstimate& estimate) const;
   /// Where the height and the normal come from, in words for messages.
   std::string heightSource() const;
   std::string normalSource() const;
 
  private:
-  // The readings for an image; empty: none is wanted now. Throw std::invalid_argument with the
-  // reason why one is missing.
+  // These functions return a reading for an image, or nothing if none is wanted now. They throw
+  // std::invalid_argument with the reason if a reading is missing.
   std::optional<HeightReading> height(const std_msgs::Header& image);
-  /// The reading nearest to the time of an image. Throws std::invalid_argument where there is none
+  /// The reading nearest to the time of an image. Throws std::invalid_argument if there is none
   /// within max_age.
   template <typename Message>
   const Message& nearest(const std::deque<Message>& messages, const std::string& what,
                          const ros::Time& image) const;
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
-  // Why the newest frame has no usable height.
+  // Why the newest frame has no usable height, normal or rotation.
   std::string heightTrouble(const GroundEstimate& estimate) const;
   std::string normalTrouble(const GroundEstimate& estimate) const;
   std::string turnTrouble(const GroundEstimate& estimate) const;
@@ -92,16 +91,16 @@ class GroundReadings {
   bool imu_went_back_ = false;
   bool image_went_back_ = false;
   ros::Time used_range_;
-  ros::Time range_stamp_;  // stamp of the newest frame's reading; 0: it has none
+  ros::Time range_stamp_;  // stamp of the newest frame's range; 0: it has none
   std::string range_frame_;
   ros::Time last_image_;
-  ros::Time last_height_;  // stamp of the last reading that was used
+  ros::Time last_height_;  // stamp of the last image with a used height
   ros::Time last_normal_;
   std::string no_height_;
   std::string no_normal_;
   std::string no_turn_;
 };
 
-/// The rolling shutter that the pictures show, as text; empty: nothing certain.
+/// Describes the rolling shutter that the images show; empty if they show none with certainty.
 std::string shutterReport(const GroundEstimate& estimate);
 }  // namespace ktgp_orb

@@ -37,12 +37,12 @@ struct Format {
   std::string encoding;
   int type;              ///< OpenCV's type of the pixels
   int to_grey;           ///< OpenCV's conversion; kNoCode for grey pixels
-  int to_bgr = kNoCode;  ///< code for pixels with brightness and colour apart
+  int to_bgr = kNoCode;  ///< conversion of YUV pixels to BGR
 };
 
-/// All image encodings; uyvy, yuyv and the nv... are of newer versions of sensor_msgs. OpenCV names
-/// a Bayer pattern by its second row from the second pixel on, ROS by its first row. Channels
-/// without a name are taken as OpenCV's usual order, BGR.
+/// All supported encodings; only newer versions of sensor_msgs have uyvy, yuyv and nv... OpenCV
+/// names a Bayer pattern after its second row from the second pixel on, ROS after its first row.
+/// Channels without names count as BGR, OpenCV's usual order.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -65,7 +65,7 @@ const std::vector<Format>& formats() {
       {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
       {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
       {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
-      {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},  // colours of half the size follow
+      {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},  // half-size colours follow
       {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
       {"nv24", CV_8UC1, kNoCode},
       {encodings::BAYER_RGGB8, CV_8UC1, cv::COLOR_BayerBG2GRAY},
@@ -80,7 +80,8 @@ const std::vector<Format>& formats() {
   return all;
 }
 
-/// Begins the encoding of an image that compressed data did not become, and the reason follows.
+/// Compressed data that cannot be decoded gives an image without pixels, whose encoding is this
+/// text followed by the reason.
 constexpr char kUndecoded[] = "compressed image ";
 
 const Format& formatOf(const std::string& encoding) {
@@ -88,7 +89,7 @@ const Format& formatOf(const std::string& encoding) {
     if (format.encoding == encoding) return format;
   }
   if (encoding.rfind(kUndecoded, 0) == 0) throw RefusedImage(util::printable(encoding, 400));
-  constexpr std::size_t kShown = 64;  // characters of an untrusted name
+  constexpr std::size_t kShown = 64;  // characters shown of an untrusted name
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
                      "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
@@ -124,9 +125,9 @@ void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
 
 constexpr bool kHostIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
-/// The pixels without a copy, unless the order of bytes must be changed.
+/// The pixels of the message; copied only if the byte order must be changed.
 cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
-  // OpenCV has no view of constant data; this one is only read.
+  // cv::Mat cannot hold const data, but we only read it.
   auto* data = const_cast<std::uint8_t*>(image.data.data());
   cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type, data,
                  image.step);
@@ -142,7 +143,7 @@ double megapixelsOf(const sensor_msgs::Image& image) {
   return 1e-6 * image.width * static_cast<double>(image.height);
 }
 
-/// An empty `encoding` means no conversion.
+/// Converts the image with cv_bridge; an empty `encoding` means no conversion.
 cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
                                      const std::string& encoding) {
   if (message->encoding.rfind(kUndecoded, 0) == 0) formatOf(message->encoding);
@@ -163,7 +164,7 @@ bool isYuv(const std::string& encoding) {
          encoding == "uyvy";
 }
 
-/// bgr8, or mono8 where the colours have the size of the picture or are missing.
+/// Converts YUV to bgr8, or to mono8 if the colours are missing or have the size of the picture.
 cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
@@ -188,7 +189,7 @@ cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   return image;
 }
 
-/// The picture of a compressed image, without the header of compressedDepth. Throws RefusedImage.
+/// Decodes a compressed image, also one of compressedDepth. Throws RefusedImage.
 cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   const auto refuse = [&](const std::string& why) {
     throw RefusedImage(kUndecoded + ("(format " + util::quoted(message.format)) + ") " + why);
@@ -214,7 +215,7 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   cv::Mat image;
   try {
     const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1,
-                      const_cast<char*>(bytes.data()));  // only read
+                      const_cast<char*>(bytes.data()));  // imdecode() only reads it
     image = cv::imdecode(row, cv::IMREAD_UNCHANGED);
   } catch (const cv::Exception&) {
     image.release();
@@ -299,7 +300,7 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
-    // OpenCV's order of colours comes first in the list.
+    // Among formats of one type, OpenCV's order of colours comes first in the list.
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }
@@ -319,7 +320,7 @@ sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
 }
 
 cv::Mat notBlack(const cv::Mat& image) {
-  const int colours = std::min(3, image.channels());  // a fourth is opacity
+  const int colours = std::min(3, image.channels());  // a fourth channel is opacity
   cv::Mat mask;
   for (int i = 0; i < colours; ++i) {
     cv::Mat channel = image;
@@ -365,7 +366,7 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 
 namespace {
 
-/// Throws RefusedImage.
+/// Like files::readPicture(), but throws RefusedImage.
 cv::Mat readPicture(const std::string& name, const std::string& path, int flags) {
   try {
     return files::readPicture(path, flags);

@@ -29,23 +29,22 @@ inline cv::Size sizeOf(const sensor_msgs::Image& image) {
 /// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
 /// and time of a request are bounded.
 void requireSmall(const std::string& name, const sensor_msgs::Image& image);
-/// The same for more than 64 images, and for more than 64 megapixels in all of them.
+/// Throws RefusedImage for more than 64 images, and for more than 64 megapixels in all of them.
 void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>& images);
 
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
 /// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
 /// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422, nv12
-/// or Bayer. More data than needed is legal. What transparent pixels hide is replaced (see
+/// or Bayer. More data than needed is allowed. Transparent pixels are replaced (see
 /// util::fillHidden).
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
                   util::GreyStretch stretch = util::GreyStretch::percentile);
-/// The same; colour and Bayer images are converted into `buffer`, whose memory is reused if it
-/// fits.
+/// Like greyImage() above, but converts colour and Bayer images into `buffer`, which is reused.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
                   cv::Mat& buffer);
 
-/// The image in its own encoding, but Bayer and YUV converted to bgr8, so that it can be warped.
+/// The image in an encoding that can be warped: Bayer and YUV become bgr8, others stay unchanged.
 /// Throws RefusedImage as greyImage does.
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
@@ -53,16 +52,16 @@ cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& messa
 /// `message` lives. Throws RefusedImage as greyImage does.
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
 
-/// The image after a stabilizer's `warp`, of the same size; the pixels of its border are repeated
-/// outside.
+/// Applies a stabilizer's `warp` and keeps the size of the image. Outside of the image, the pixels
+/// of its border are repeated.
 cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
-/// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
-/// the Bayer pattern that begins the message's format; also of compressedDepth (16UC1). Throws
-/// RefusedImage for data that is no image or has no end, and, before it is decoded, for more than
-/// 64 megapixels.
+/// Decodes a compressed image and keeps its header. The encoding is mono8, mono16, bgr8, bgra8,
+/// bgr16, bgra16, or the Bayer pattern at the beginning of the message's format. Also decodes
+/// compressedDepth (16UC1). Throws RefusedImage for data that is no image or is cut off and, before
+/// decoding, for more than 64 megapixels.
 sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
-/// An image without pixels that greyImage and warpableImage refuse for that reason.
+/// An image without pixels, which greyImage and warpableImage refuse with the given reason.
 sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
                                           const RefusedImage& reason);
 
@@ -73,32 +72,32 @@ struct PixelMemory {
 };
 
 /// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
-/// that no pixel is copied within one nodelet manager. Throws as greyImage does.
+/// that no pixel is copied within one nodelet manager. Throws like greyImage.
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch, Frame& frame);
-/// The same, with memory from `memory`.
+/// Like toFrame() above, but keeps the pixels in `memory`.
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
              const std::shared_ptr<PixelMemory>& memory, Frame& frame);
 
-/// A frame of the image with its features.
+/// Makes a frame from the image and extracts its features.
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
                    util::GreyStretch stretch = util::GreyStretch::percentile);
 
-/// CV_8UC1: 0 where the image is black, 255 elsewhere. Accepts the encodings of greyImage; a Bayer
-/// pixel counts by itself, a yuv422 pixel by its brightness. Throws RefusedImage.
+/// A mask (CV_8UC1) that is 0 where the image is black and 255 elsewhere. Accepts the encodings of
+/// greyImage. Judges a Bayer pixel by itself and a yuv422 pixel by its brightness. Throws
+/// RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
-/// The same for pixels in memory; of four channels the last one is opacity, and transparent pixels
-/// are 0, too.
+/// The same mask for pixels in memory. A fourth channel is opacity; transparent pixels give 0.
 cv::Mat notBlack(const cv::Mat& image);
 
-/// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile, and
-/// for a mask that hides everything.
+/// Reads a mask from an image file of any depth; empty for an empty path. Throws like
+/// readImageFile, and also for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
-/// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
+/// Text on the fault of a mask that hides nothing; empty for other masks and for no mask.
 std::string idleMask(const cv::Mat& mask);
 
-/// An image file as a mono8 message, or mono16 if the file has 16 bits, with stamp zero; null for
-/// an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be read or is
-/// not a regular file; reading a pipe could block.
+/// Reads an image file as a mono8 message, or as mono16 if the file has 16 bits, with stamp zero;
+/// null for an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be
+/// read or is not a regular file, since reading a pipe could block.
 sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path);
 
 }  // namespace ktgp_orb

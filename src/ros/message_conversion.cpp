@@ -65,7 +65,7 @@ void append(const Correspondence& c, const Frame& reference, const Frame& target
   message.track.push_back(target.tracks[static_cast<std::size_t>(c.target_index)]);
 }
 
-/// Sets the fields of Correspondences or HomographyStamped.
+/// Sets the sizes in a Correspondences or HomographyStamped message.
 template <typename Message>
 void setSizes(const cv::Size& image, const cv::Size& reference, Message& message) {
   message.image_width = static_cast<std::uint32_t>(image.width);
@@ -93,9 +93,9 @@ void reserve(std::size_t size, Correspondences& message) {
   message.track.reserve(size);
 }
 
-/// Index in the message of an aligned point's correspondence; empty for a guided match that
-/// disagrees with the aligned homography. Guided matches begin at index `guided`. Both parts are in
-/// the order of the target's keypoints.
+/// Index of an aligned point's correspondence in the message; empty for a guided match that
+/// disagrees with the aligned homography. Guided matches begin at index `guided`. The matches
+/// before and after `guided` are each in the order of the target's keypoints.
 std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
                                      const Correspondences& message) {
   const auto target = static_cast<std::uint32_t>(point.target_index);
@@ -161,7 +161,7 @@ ros::Time timeOf(std::int64_t nanoseconds) {
   return time;
 }
 
-/// Every correspondence that passed the ratio filter, with its level.
+/// Makes a message with every correspondence that passed the ratio filter, and its level.
 CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   if (!match.reference) return nullptr;
@@ -184,7 +184,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   return message;
 }
 
-/// The homography with its verdict; numbers are zero unless the status is ok.
+/// Makes a message with the homography and its verdict; numbers are zero unless the status is ok.
 HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
@@ -212,7 +212,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->status = MatchStatus::STATUS_OK;
   message->rectified = match.frame->lens != nullptr;
   const cv::Size& size = match.frame->features.image_size;
-  setSizes(size, size, *message);  // an unbroken sequence has one
+  setSizes(size, size, *message);  // an unbroken sequence has one image size
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyAnswer(*match.accumulated, *message);
@@ -306,7 +306,7 @@ std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message,
                        static_cast<int>(message.image_height));
   if (image.empty() || image == size) return answer;
   const double scale = static_cast<double>(size.width) / image.width;
-  // A resizer rounds the height to whole pixels, of the smaller image.
+  // Resizing rounds the height to whole pixels of the smaller image.
   if (std::abs(scale * image.height - size.height) > std::max(1.0, scale)) {
     throw RefusedImage("the homographies are of images of " + util::text(image) +
                        " and cannot be scaled to those of " + util::text(size) +
@@ -338,7 +338,7 @@ const char* explanation(NoReference reason) {
        "no reference: reference_mode changed", "no reference: another lens calibration"});
 }
 
-/// The image of the frame in the pixels of its keypoints.
+/// The image in the pixels of the frame's keypoints, so rectified if the frame has a lens.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   if (!lens) return image;
   cv::Mat rectified;
@@ -346,7 +346,7 @@ cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   return rectified;
 }
 
-/// More than 8 bits are grey, stretched like the frame.
+/// The image for drawing: in colour if it has 8 bits per channel, else as the frame's grey image.
 cv::Mat coloured(const sensor_msgs::ImageConstPtr& image, const Frame& frame) {
   const bool has_bytes = sensor_msgs::image_encodings::bitDepth(image->encoding) == 8;
   return shown(has_bytes ? colourImage(image) : frame.image, frame.lens);

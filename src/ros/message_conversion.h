@@ -34,7 +34,7 @@ struct MatchedFrame {
   std::uint64_t repeated = 0;
 };
 
-/// The messages of the topics in topics.def; null if there is nothing to say.
+/// Functions that make the messages of topics.def; they return null if there is nothing to publish.
 #define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> make(const MatchedFrame&);
 #define KTGP_LIVE_TOPIC KTGP_TOPIC
 #include "ros/topics.def"
@@ -48,24 +48,24 @@ struct FrameMessages {
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  sensor_msgs::ImagePtr overlay;  ///< null unless wanted
+  sensor_msgs::ImagePtr overlay;  ///< null unless the overlay is wanted
 };
-/// All messages of the frame, without the overlay.
+/// Makes all messages of the frame except the overlay.
 FrameMessages toMessages(const MatchedFrame& frame);
 
-/// A homography without inliers; its covariance is not known. Empty: none was found. The sizes are
-/// those of the two images, px; empty: not known.
+/// A message for a homography without inliers and with unknown covariance; an empty `homography`
+/// means none was found. `image`, `reference_size`: sizes of the two images, px; empty: not known.
 HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
                                   const std::optional<Eigen::Matrix3d>& homography,
                                   const cv::Size& image, const cv::Size& reference_size);
 /// The homography of the message; empty if none was found.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
-/// The same between images of `size`, px: where the matcher had the images in another size, it is
-/// scaled. A reference that was never of the camera's size keeps its pixels. Throws RefusedImage
-/// where the two sizes have another shape.
+/// The homography for images of `size`, px. It is scaled if the matcher got the images in another
+/// size. A reference that never had the camera's size keeps its pixels. Throws RefusedImage if the
+/// two sizes differ in shape.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message, const cv::Size& size);
 
-/// Nanoseconds, as in the core.
+/// Converts a time to nanoseconds, as in the core, and back.
 std::int64_t stampOf(const ros::Time& time);
 ros::Time timeOf(std::int64_t nanoseconds);
 
@@ -73,8 +73,8 @@ ros::Time timeOf(std::int64_t nanoseconds);
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& pixels);
 
-/// The overlay picture (bgr8) with the header of the target; without a reference it shows the
-/// reason. `image`: the message of the target, for its colours.
+/// The overlay picture (bgr8) with the header of the target; if there is no reference, the picture
+/// says why. `image`: the message of the target, for its colours.
 sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const SequenceMatch& match,
                                 OverlayStyle style);
 

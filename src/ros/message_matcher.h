@@ -9,14 +9,13 @@
 
 namespace ktgp_orb {
 
-/// The warning where most frames have such things (MatchResult::still).
+/// The warning if most frames have things that stand still (MatchResult::still).
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "
     "part of the vehicle; hide them with mask_image";
 
-/// The sequence matcher with messages in and out, and with the parameters of the node.
-/// An instance belongs to one thread at a time.
+/// Runs the sequence matcher on messages, with the node's parameters. Not thread-safe.
 class MessageMatcher {
  public:
   /// Throws std::invalid_argument for options that the core refuses, and RefusedImage for an
@@ -27,10 +26,10 @@ class MessageMatcher {
 
   /// Throws RefusedImage for an unusable image; the reference then stays.
   MatchedFrame process(const sensor_msgs::ImageConstPtr& image);
-  /// The same for a frame. `ahead`: see SequenceMatcher::match.
+  /// Like process() above, for a frame. `ahead`: see SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// The last processed frame, in the colours of its `image`; null if there is none since the last
-  /// reset.
+  /// The overlay of the last processed frame, in the colours of its `image`; null if no frame was
+  /// processed since the last reset.
   sensor_msgs::ImagePtr overlay(const sensor_msgs::ImageConstPtr& image) const;
 
   /// The next frame becomes the reference of the fixed mode.
@@ -38,8 +37,8 @@ class MessageMatcher {
   /// The reference of the fixed mode, or null.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
-  /// The reference of the fixed mode is a frame of the camera, not the configured image. (With
-  /// other options it is another frame of the same image.)
+  /// Whether the reference of the fixed mode is a frame of the camera and not the configured image.
+  /// Compares the pixels, because new options make another frame of the configured image.
   bool holdsSetReference() const {
     const FrameConstPtr fixed = fixedReference();
     return fixed &&

@@ -10,7 +10,7 @@ namespace {
 
 using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
-/// Works on the correlations, so that the units do not matter.
+/// Tests the correlations rather than the covariance, so that the units do not matter.
 bool isSemidefinite(const Covariance6& covariance) {
   constexpr double kRounding = 1e-9;
   if (!(covariance.diagonal().minCoeff() >= 0.0)) return false;

@@ -12,7 +12,7 @@ namespace ktgp_orb {
 /// stamps may vary by half a slot.
 class RateLimiter {
  public:
-  /// Hz; 0: use all frames. A change restarts the slots.
+  /// Sets the limit in Hz; 0: use all frames. A change restarts the slots.
   void setRate(double rate) {
     if (rate != rate_) first_.reset();
     rate_ = rate;

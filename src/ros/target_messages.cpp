@@ -39,7 +39,7 @@ TargetDetection messageOf(const DetectedTarget& target) {
   return message;
 }
 
-/// Throws std::invalid_argument with the reason if there is no camera for the pixels.
+/// The camera for the pixels. Throws std::invalid_argument with the reason if there is none.
 PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
                      const std::string& info_topic, Pixels pixels) {
   if (info == nullptr) throw std::invalid_argument("no camera_info on " + info_topic);
@@ -55,7 +55,7 @@ bool wantsPose(const TargetDetection& message) {
   return message.status == MatchStatus::STATUS_OK && wanted;
 }
 
-/// Name of the frame of this instance, for tf.
+/// Name of the tf frame of this instance of the target.
 std::string frameOf(const TargetDetection& target) {
   if (target.instance == 0 || target.frame.empty()) return target.frame;
   return target.frame + "_" + std::to_string(target.instance);
@@ -135,11 +135,11 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
   std_msgs::Header header = message.header;
   header.frame_id = util::withoutSlash(header.frame_id);
   for (const TargetDetection& target : message.detections) {
-    // tf can hold one of several poses, and no listener would know that there are more.
+    // tf could hold only one of several possible poses, and listeners would not know of the others.
     if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     transforms.push_back(transformOf(header, frameOf(target), target.pose.pose));
   }
-  // tf2 needs a name for both ends.
+  // tf2 needs the names of both frames.
   if (header.frame_id.empty() && !transforms.empty()) {
     throw std::invalid_argument("the images have no frame_id, so " + transforms[0].child_frame_id +
                                 " is not sent to tf; expected that of the camera");

@@ -17,14 +17,14 @@
 
 namespace ktgp_orb {
 
-/// Tells a TargetFinder to forget what it follows where a sequence of images ends: a looped bag, or
-/// another camera. Knows images that repeat the one before, from which a velocity would be wrong.
+/// Makes a TargetFinder forget the followed targets when a sequence of images ends, because a bag
+/// is looped or the camera changes. Detects repeated images, from which a velocity would be wrong.
 class ImageSequence {
  public:
-  /// To be called before each search. `grey`: the pixels of the image. False: it repeats the one
-  /// before and is no new frame, see sequence::Repeats.
+  /// Call this before each search. `grey`: the pixels of the image. Returns false if the image
+  /// repeats the previous one and is no new frame, see sequence::Repeats.
   bool next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey, TargetFinder& finder);
-  /// The next image is a new frame in any case: other targets are searched.
+  /// Makes the next image count as a new frame in any case, because other targets are searched.
   void searchAnew() { last_.reset(); }
 
  private:
@@ -35,22 +35,21 @@ class ImageSequence {
   cv::Size size_;
 };
 
-/// The message without poses. `header`: that of the image. `frame_prefix`: begins the names of the
-/// targets' frames.
+/// A message without poses. `header`: the image's. `frame_prefix`: prefix of the targets' frames.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
                               const std::string& frame_prefix = "");
 
-/// Adds the poses of targets with a width or a frame. Where there are none, `no_pose` of the
-/// message says why. `info`: calibration of the images; null: none on `info_topic`.
+/// Adds the poses of targets with a width or a frame. If there are no poses, `no_pose` of the
+/// message says why. `info`: calibration of the images; null if none arrived on `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, TargetPose& pose,
               TargetDetections& message);
 
-/// One for each pose of a target that has a frame: FRAME for instance 0, FRAME_1 for instance 1 ...
-/// Throws std::invalid_argument with the reason if the images have no frame_id.
+/// A transform for each unambiguous pose of a target that has a frame: FRAME for instance 0,
+/// FRAME_1 for instance 1 ... Throws std::invalid_argument if the images have no frame_id.
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message);
 
-/// For rviz: outline and id for each pose; the first marker removes those of the frame before.
+/// Markers for rviz: outline and id of each pose. The first one removes the previous markers.
 visualization_msgs::MarkerArrayPtr markersOf(const TargetDetections& message);
 
 }  // namespace ktgp_orb

@@ -75,8 +75,8 @@ TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
   return message;
 }
 
-/// Points in the frame of the target's camera, as the header says; `deviation` is that of the
-/// distance.
+/// The points of the scene in the frame of the target's camera, which the header names. `deviation`
+/// is the standard deviation of the distance.
 sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;

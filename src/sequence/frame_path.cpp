@@ -8,7 +8,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// The same homography with a largest entry of 1: long products neither vanish nor overflow.
+/// Scales H to a largest entry of 1, so that long products neither vanish nor overflow.
 Eigen::Matrix3d scaled(const Eigen::Matrix3d& h) {
   return h / h.cwiseAbs().maxCoeff();
 }

@@ -7,7 +7,7 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// A caller may hold a matrix without the frame.
+/// A caller may still hold the matrix, although it let the frame go.
 void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
@@ -17,7 +17,7 @@ void releaseIfShared(cv::Mat& matrix) {
 void FramePool::release(PooledFrame& frame) {
   frame.image.release();
   if (!frame.features.images.empty())
-    frame.features.images.front().release();  // shared with the frame
+    frame.features.images.front().release();  // shares its pixels with frame.image
   frame.source.reset();
 }
 
@@ -52,7 +52,7 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void TrackNumbers::begin(Frame& frame) {
-  // Room as for the keypoints, so that the numbers allocate no more often than these.
+  // Reserves room as for the keypoints, so that track numbers allocate no more often than those.
   frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);

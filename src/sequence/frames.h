@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::sequence {
 
-/// Hands out frames and reuses them, with their buffers, when no caller holds them any more; their
+/// Hands out frames, and reuses them with their buffers when no caller holds them any more. Their
 /// images are released at once.
 class FramePool {
  public:
@@ -20,24 +20,24 @@ class FramePool {
 
  private:
   struct PooledFrame : Frame {
-    cv::Mat pixels;  ///< the frame's own
+    cv::Mat pixels;  ///< the frame's own copy of its image
   };
 
   static void release(PooledFrame& frame);
   std::shared_ptr<PooledFrame> takeEmpty();
 
-  // A sequence needs five: new, previous, keyframe, fixed, and that of the last result.
+  // A sequence holds up to five: new, previous and fixed frame, keyframe, frame of the last result.
   util::Pool<PooledFrame> frames_{6, release};
 };
 
 /// Numbers the keypoints of a sequence (Frame::tracks). A final match, of Level::ktgp or guided,
-/// gives its target keypoint the number of its reference keypoint; of several matches of one
-/// reference keypoint, that with the smallest distance. All other keypoints get new numbers.
+/// gives its target keypoint the number of its reference keypoint. Of several matches of a
+/// reference keypoint, the nearest in Hamming distance counts. All other keypoints get new numbers.
 class TrackNumbers {
  public:
-  /// New numbers for all keypoints.
+  /// Gives all keypoints new numbers.
   void begin(Frame& frame);
-  /// `result`: of the match of `target` to `reference`, which has numbers.
+  /// Continues the tracks of `reference`, which has numbers. `result`: match of `target` to it.
   void continueTracks(const Frame& reference, const MatchResult& result, Frame& target);
 
  private:

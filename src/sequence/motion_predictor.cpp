@@ -23,7 +23,7 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
   const double interval = nanoseconds(stamp_, next.stamp);
   const double known = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
   const double ratio = std::clamp(known, 0.0, kLongest);
-  // The motion goes on, to first order, which is enough between frames.
+  // Continues the motion to first order, which is enough between two frames.
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d carried = identity + ratio * (*motion_ / (*motion_)(2, 2) - identity);
   // A mirrored or vanishing view cannot be a continuation.

@@ -13,12 +13,11 @@ namespace ktgp_orb::sequence {
 /// Frames are identified by their addresses: the sequence holds the last frame and its reference.
 class MotionPredictor {
  public:
-  /// Predicted homography from `reference` to `next`. Assumes no motion where it is not known, for
-  /// example after a gap. Empty if the position of the last frame, seen from `reference`, is not
-  /// known.
+  /// Predicted homography from `reference` to `next`. Assumes no motion if it is not known, for
+  /// example after a gap. Empty if the last frame's position seen from `reference` is not known.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 
-  /// Whether `result` has so few of the last frame's inliers that the prediction is doubtful.
+  /// Whether `result` has too few inliers, compared with the last frame, to trust the prediction.
   bool isPoor(const MatchResult& result) const;
 
   /// Call it after `frame` was matched to `reference`.

@@ -16,7 +16,7 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
     return fixed_;
   }
   if (previous_ && apart_ && next.stamp < previous_->stamp && next.stamp >= apart_->stamp) {
-    restartAt(std::exchange(apart_, nullptr));  // no wrong stamp: a looped recording
+    restartAt(std::exchange(apart_, nullptr));  // the stamp is right: the recording loops
   }
   if (previous_) {
     const NoReference why = whyNotAfterPrevious(next);
@@ -39,10 +39,10 @@ NoReference anotherCamera(const Frame& next, const Frame& before) {
   return same_lens ? NoReference::none : NoReference::lens_changed;
 }
 
-// A keyframe may be old as long as frames arrive; the previous frame must not be.
+// A keyframe may be old as long as frames arrive, but the previous frame must not be old.
 NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (next.stamp < previous_->stamp) return NoReference::stamp_went_back;
-  // Unsigned, since two stamps may differ by more than half the range.
+  // The gap is unsigned, since two stamps may differ by more than half the range.
   const auto gap =
       static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
@@ -83,7 +83,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
   to_previous_ = homography::chained(result->answer, to_reference_);
   accumulated_ = to_previous_;
   previous_ = frame;
-  // Two neighbouring frames with few matches: a keyframe would not help.
+  // If two adjacent frames already have few matches, keeping the keyframe would not help.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;

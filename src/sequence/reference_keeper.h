@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::sequence {
 
-/// Why the two cannot be of one camera, their encodings or lenses; none: they may be.
+/// Which difference of encoding or lens shows that two frames are from different cameras, or none.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
 /// Chooses the reference of the next frame, decides when to forget it, and accumulates
@@ -22,9 +22,10 @@ class ReferenceKeeper {
   FramePtr referenceFor(const Frame& next);
   NoReference reason() const { return reason_; }
 
-  /// Keyframe mode, after `frame` was matched to the keyframe with `result`: returns the previous
-  /// frame to match to as well, if the keyframe has become weak; else null. If that gives a
-  /// homography, the previous frame becomes the keyframe, and the chain of homographies continues.
+  /// In keyframe mode, after `frame` was matched to the keyframe with `result`: returns the
+  /// previous frame as a second reference if the keyframe has become weak, else null. If the match
+  /// to the previous frame gives a homography, the previous frame becomes the keyframe, and the
+  /// chain of homographies continues.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
   /// Updates the reference and the chain of homographies after `frame` has been matched. `result`:
@@ -32,7 +33,7 @@ class ReferenceKeeper {
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
   /// Homography from the first frame of the unbroken sequence to the last frame; empty in fixed
-  /// mode and where the chain has just (re)started.
+  /// mode and if the chain has just (re)started.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 
@@ -51,12 +52,12 @@ class ReferenceKeeper {
 
   ReferenceOptions options_;
   FramePtr fixed_;
-  FramePtr reference_;  // mode previous: the previous frame; keyframe: the keyframe
+  FramePtr reference_;  // the previous frame or the keyframe, as the mode demands
   FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
-  FramePtr apart_;      // the newest frame, if its stamp went back; it may be wrong
+  FramePtr apart_;      // the newest frame, if its stamp went back; the stamp may be wrong
   NoReference reason_ = NoReference::none;
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
-  // The homographies begin at the first frame of the sequence.
+  // The homographies below map from the first frame of the sequence.
   std::int64_t first_stamp_ = 0;
   UncertainHomography to_reference_{Eigen::Matrix3d::Identity()};
   UncertainHomography to_previous_{Eigen::Matrix3d::Identity()};

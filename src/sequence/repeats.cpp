@@ -8,10 +8,10 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// Mean difference of the pixels of a grid, grey levels. Whole rows would cost as much as the
-/// extraction of features of a large image.
+/// Mean absolute difference of the pixels on a grid, grey levels. Comparing whole rows of a large
+/// image would take as long as extracting its features.
 double differenceOf(const cv::Mat& a, const cv::Mat& b) {
-  constexpr int kStep = 5;  // px; blocks of a JPEG have 8
+  constexpr int kStep = 5;  // px; the blocks of a JPEG have 8 px
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (int y = 0; y < a.rows; y += kStep) {
@@ -30,7 +30,7 @@ bool areEqual(const cv::Mat& a, const cv::Mat& b) {
   return true;
 }
 
-/// The newest `most` values.
+/// Appends the value, and keeps the newest `most` values.
 void keep(double value, std::size_t most, std::vector<double>& values) {
   values.reserve(most);
   if (values.size() == most) values.erase(values.begin());
@@ -49,10 +49,10 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   const double difference = differenceOf(image, last);
   const bool is_equal = difference == 0.0 && areEqual(image, last);
   const bool is_same = isInLowerGroup(difference) || is_equal;
-  if (is_equal && seconds == 0.0 && stamp != 0) return true;  // a message that came twice
-  // Without times a camera that stands still could not be told from one that repeats.
+  if (is_equal && seconds == 0.0 && stamp != 0) return true;  // the same message came twice
+  // Without stamps, a camera that stands still cannot be told from a camera that repeats images.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // The first image that stays too long may be a repetition that is later than those before.
+  // The first equal image after too long a time may be a late repetition, so its interval counts.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }
@@ -60,22 +60,22 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   return false;
 }
 
-/// How long an image may stay the same before the camera stands still, s.
+/// How long an image may stay the same before the camera counts as standing still, s.
 double Repeats::patience() const {
   constexpr double kUnknown = 0.1;  // s: cameras with less than ten images a second are rare
-  constexpr double kMore = 1.5;     // ratio to the longest so far, where repetitions vary
+  constexpr double kMore = 1.5;     // ratio to the longest so far, since intervals vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
-/// A motion that slows down has all differences in between. One that stops goes to the lower group
-/// once, and does not alternate.
+/// Whether the difference is in the lower of two alternating groups. A motion that slows down also
+/// has differences in between, and a motion that stops falls to the lower group only once.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
-  constexpr double kLeast = 0.05;  // grey levels, below which there is no noise of a compression
-  constexpr double kApart = 2.5;   // ratio; copies of one compression differ by a factor of 1.2
-  constexpr double kAlike = 2.0;   // ratio, in the lower group
-  constexpr int kTimes = 3;        // alternations that are needed
+  constexpr double kLeast = 0.05;  // grey levels; the noise of compression is larger
+  constexpr double kApart = 2.5;   // ratio of the groups; equal compressions differ by 1.2
+  constexpr double kAlike = 2.0;   // largest ratio in the lower group
+  constexpr int kTimes = 3;        // number of alternations that are needed
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};
   const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());

@@ -6,13 +6,13 @@
 
 namespace ktgp_orb::sequence {
 
-/// Recognises images that repeat the one before: drivers publish an image twice, videos of 30
-/// images a second are stored with 60.
+/// Recognises images that repeat the previous image: some drivers publish an image twice, and some
+/// videos of 30 images a second are stored with 60.
 ///
-/// The same pixels are a repetition. If each copy was compressed anew, the differences to the last
-/// new image fall into two groups that alternate: those of the motion, and much smaller ones. If an
-/// image stays the same for longer than images usually take to change, the camera stands still:
-/// from then on equal images count as new ones, so that results show the standstill.
+/// An image with the same pixels is a repetition. If each copy was compressed anew, the differences
+/// from the last new image alternate between large ones, from the motion, and much smaller ones. If
+/// an image stays the same for longer than images usually take to change, the camera stands still.
+/// From then on equal images count as new ones, so that results show the standstill.
 class Repeats {
  public:
   /// Whether `image`, taken at `stamp` ns, is a repetition of `last`, the newest image that was not
@@ -25,8 +25,8 @@ class Repeats {
   bool isInLowerGroup(double difference);
   double patience() const;
 
-  std::vector<double> differences_;  // grey levels, of the newest images
-  std::vector<double> intervals_;    // s, between the newest images that changed
+  std::vector<double> differences_;  // of the newest images, grey levels
+  std::vector<double> intervals_;    // between the newest images that changed, s
   bool stands_still_ = false;
 };
 

@@ -48,8 +48,7 @@ double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   return is_small ? std::clamp(kWanted / shorter, 1.0, kMost) : 1.0;
 }
 
-/// `options` with levels that are larger than the image: by up to `scale`, and as long as the image
-/// stays below 2500 px.
+/// `options` with more levels, which enlarge the image by up to `scale` and to at most 2500 px.
 OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   constexpr double kLargest = 2500.0;  // px
   constexpr int kMostLevels = 16;
@@ -61,7 +60,7 @@ OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   return options;
 }
 
-/// Features found before a change of the options would mix two configurations.
+/// Whether the features were found with other options. Matching must not mix two configurations.
 bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
   return !frame.image.empty() && frame.orb != wanted;
 }
@@ -90,7 +89,7 @@ bool canMatchAhead(const MatcherOptions& options) {
 
 namespace {
 
-/// Leaves out the keypoints that the lens gives no place without distortion.
+/// Removes the keypoints that the lens could not rectify, whose position is NaN.
 void dropUnplaced(Features& features) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
@@ -131,7 +130,7 @@ struct SequenceMatcher::Impl {
 
   void setOptions(const SequenceOptions& as_given);
   OrbOptions orbFor(const Frame& frame, const Frame* fixed) const;
-  /// The fixed reference, once `frame` is the next frame; null: none.
+  /// The fixed reference when `frame` is the next frame; null if there is none.
   const Frame* fixedFor(const Frame& frame) const {
     return fix_next_frame ? &frame : keeper.fixed().get();
   }
@@ -154,14 +153,14 @@ struct SequenceMatcher::Impl {
   sequence::Repeats repeats;
   sequence::FramePool pool;
   ReferenceViews views;
-  FramePtr viewed;  // the frame of the views
+  FramePtr viewed;  // the frame that `views` show
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
-  std::optional<RelativePose> last_motion;  // motion of the frame before
+  std::optional<RelativePose> last_motion;  // motion of the previous frame
   double lost_milliseconds = 0.0;           // spent on matches that are not the result
   bool fix_next_frame = false;
-  bool has_other_input = false;  // options or a fixed reference than those of the answer
+  bool has_other_input = false;  // options or fixed reference changed since the answer
   bool had_reference = false;    // whether `answer` had a reference when it was cleared
 };
 
@@ -179,7 +178,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   has_other_input = true;
 }
 
-/// Feature options for `frame`, where `fixed` is the fixed reference (null: none).
+/// Feature options for `frame`, if `fixed` is the fixed reference (null if there is none).
 OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
   return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
 }
@@ -213,8 +212,8 @@ FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOpt
   return frame;
 }
 
-/// A new frame of the same image, which replaces `frame`. The old frame may be in use elsewhere, so
-/// it does not change.
+/// Extracts the features of the image again, into a new frame that replaces `frame`. The old frame
+/// may be in use elsewhere, so it does not change.
 FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOptions& orb) {
   FramePtr fresh = pool.take();
   fresh->stamp = frame->stamp;
@@ -257,8 +256,8 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   lost_milliseconds += whole_result.milliseconds();
 }
 
-/// Matches to `reference` or, if that is a weak keyframe, to the previous frame, which then becomes
-/// `reference`.
+/// Matches to `reference` and, if that is a weak keyframe, to the previous frame, too. If the
+/// second match succeeds, the previous frame becomes `reference`.
 void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
                                         MatchAhead* ahead) {
   if (canMatchAhead(options.matcher) && ahead != nullptr && ahead->reference == reference) {
@@ -276,7 +275,8 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
-/// Called before the features are extracted, which a repeated image does not need.
+/// Whether `frame` repeats the image of the answer. This is called before the extraction of
+/// features, which a repeated image does not need.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
   const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
   if (!answer.frame || is_asked_anew) return false;
@@ -291,7 +291,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   answer.repeated = repeatsAnswer(*given);
   if (answer.repeated) return answer;
   const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
-  if (frame != given) ahead = nullptr;  // its indices are those of the old features
+  if (frame != given) ahead = nullptr;  // its matches refer to the old features
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -299,7 +299,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   if (reference) {
     matchToBest(*frame, reference, ahead);
     predictor.advance(*frame, *reference, answer.match);
-    // A fixed reference, or one whose features were found anew, has none yet.
+    // A fixed reference, or one whose features were found anew, has no track numbers yet.
     if (reference->tracks.empty()) tracks.begin(*reference);
     tracks.continueTracks(*reference, answer.match, *frame);
   } else {
@@ -356,7 +356,7 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   const FramePtr frame = impl_->pool.takeCopy(image);
   frame->stamp = stamp;
   frame->encoding = encoding;
-  // An empty image has no features; old ones must not remain.
+  // An empty image has no features; features of an earlier frame must not remain.
   if (image.empty()) impl_->extract(*frame, impl_->options.orb);
   return impl_->match(frame, nullptr);
 }
@@ -382,13 +382,13 @@ FramePtr SequenceMatcher::newFrame() {
 }
 
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
-  // Other modes do not use it yet: its features are extracted when the first frame needs them.
+  // Other modes do not use the fixed reference yet; its features are extracted when first needed.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
   const FramePtr fixed =
       frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
-  impl_->has_other_input = true;  // an image that repeats the last one has another answer now
+  impl_->has_other_input = true;  // a repeated image now has another answer
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {

@@ -13,15 +13,15 @@ namespace {
 
 using util::requireInRange;
 
-// Frames farther away in time, in standard deviations of the weights, are not used.
+// Frames farther away in time than this, in standard deviations of the weights, are not used.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
-// Share of the margin within which shake is removed whole. Without later frames it needs more room.
+// Shake up to this share of the margin is removed completely. With a lag of 0, more is needed.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Without later frames, a camera is expected to stand still until more is known. At 30 frames a
-// second, where a whole history weighs 5, this delays an even motion by 0.01 s.
+// Weight of the assumption that the camera stands still, used without later frames. At 30 frames a
+// second the whole history weighs 5, so this weight delays an even motion by 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
@@ -37,7 +37,8 @@ double saturated(double share, double linear) {
 /// Value at time zero of a weighted line fit; the mean if all values have the same time.
 class LineAtZero {
  public:
-  /// `stillness`: weight of a line without slope, at time 1. It matters where there are few values.
+  /// `stillness`: weight, at time 1, of the assumption that the line has no slope. It matters if
+  /// there are few values.
   explicit LineAtZero(double stillness) : square_(stillness) {}
 
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
@@ -70,7 +71,7 @@ class LineAtZero {
   std::array<Eigen::Vector2d, 4> product_ = sum_;
 };
 
-/// How far the corrected view leaves the crop, as a share of its margin, at worst.
+/// The largest distance by which the corrected view leaves the crop, as a share of the margin.
 double shareOfMargin(const Eigen::Matrix3d& correction,
                      const std::array<Eigen::Vector2d, 4>& corners, double crop) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
@@ -134,22 +135,22 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
   while (!waiting_.empty()) finishOldest(ready);
 }
 
-/// The corners of the frame for a smoothly moving camera. `to_newest`: from the frame to the newest
-/// one of the path.
+/// The corners of the frame for a smoothly moving camera. `to_newest`: homography from the frame to
+/// the newest frame of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
   // Without later frames the line ends at this frame, whose own shake would count most. So its
-  // weight is almost 0, and weights grow with the distance. That needs more room than a bell curve,
-  // and leaves less jitter (doc/measurements/stabilization.md).
+  // weight is almost 0, and the weights grow with the distance. These weights need more margin than
+  // a bell curve but leave less jitter (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
-  // Where a path begins, the line through its first frames would point anywhere.
+  // At the start of a path the slope of the line through the first few frames would be arbitrary.
   LineAtZero line(ends_here ? kStillness : 0.0);
   line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
-    // The corners of this frame, seen in the other one.
+    // Homography from this frame to the other frame.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
     if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;

@@ -22,20 +22,20 @@ using Corners = std::array<Eigen::Vector2d, 4>;
 using Points = std::vector<Eigen::Vector2d>;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
 
-// Weights of the first, second and third difference, from the paper.
+// Weights of the first, second and third difference, from the paper that steady_path.h cites.
 constexpr double kStanding = 10.0;
 constexpr double kEven = 1.0;
 constexpr double kAccelerating = 100.0;
-/// Weight of the window's own motion where the camera's is not known.
+/// Weight of the window's own motion if the motion of the camera is not known.
 constexpr double kHolding = 1000.0;
-// How far a corner may leave its place in the window, as a share of the window's half size: the
-// window keeps its shape.
+// How far a corner may leave its place in the window, as a share of the window's half size. This
+// limit preserves the shape of the window.
 constexpr double kShape = 0.15;
-// A long recording is solved in parts that overlap: what is far ahead does not matter.
+// A long recording is solved in overlapping parts, because frames far ahead do not matter.
 constexpr std::size_t kPart = 300;  // frames
 constexpr std::size_t kOverlap =
     100;                           // frames at the end of a part, which the next part solves again
-constexpr std::size_t kKnown = 3;  // last frames of the part before, which the next one continues
+constexpr std::size_t kKnown = 3;  // last frames of a part, from which the next part continues
 
 /// A point of the window, and its correction in each frame.
 struct Track {
@@ -55,14 +55,14 @@ class LinearProgram {
     cost_.push_back(cost);
     return static_cast<int>(cost_.size()) - 1;
   }
-  /// An unknown of any value, whose absolute value has that cost. It is a variable less the next
-  /// one, both not negative; returns the number of the first.
+  /// Adds an unknown without bounds, whose absolute value has this cost. It is the difference of
+  /// two variables that are not negative. Returns the number of the first variable.
   int addUnknown(double cost) {
     constexpr double kAny = std::numeric_limits<double>::infinity();
     addVariable(0.0, kAny, cost);
     return addVariable(0.0, kAny, cost) - 1;
   }
-  /// Returns the number of the new equation, a sum of terms that equals `right`.
+  /// Adds an equation: a sum of terms equals `right`. Returns the number of the equation.
   int addEquation(double right) {
     right_.push_back(right);
     return static_cast<int>(right_.size()) - 1;
@@ -89,7 +89,7 @@ class LinearProgram {
 #ifdef KTGP_ORB_HAVE_CLP
 
 std::vector<double> LinearProgram::solve() const {
-  // Column by column, as Clp takes it.
+  // Clp needs the matrix column by column.
   Eigen::SparseMatrix<double> matrix(static_cast<int>(right_.size()),
                                      static_cast<int>(cost_.size()));
   matrix.setFromTriplets(terms_.begin(), terms_.end());
@@ -116,7 +116,7 @@ std::vector<double> LinearProgram::solve() const {
 
 #endif
 
-/// x and y for each frame; empty where a path begins.
+/// Numbers of the unknowns for x and y of each frame; empty at the start of a path.
 using Unknowns = std::vector<std::optional<std::array<int, 2>>>;
 
 Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) {
@@ -135,8 +135,9 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// The motion of the point from frame to frame that remains in the steady picture: the place to
-/// which the step takes it, less its place in the next frame's window. Linear in the corrections.
+/// The motion of the point between frames that remains in the steady picture: the place to which
+/// the step takes the point, less its place in the next frame's window. It is linear in the
+/// corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());
@@ -164,8 +165,8 @@ Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track,
   return found;
 }
 
-/// Finds the best corrections of the frames from `begin` to before `end`. The first `known` ones
-/// stay.
+/// Finds the best corrections of the frames from `begin` to before `end`. The first `known`
+/// corrections stay.
 void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size_t known,
                Track& track) {
   LinearProgram program;
@@ -185,7 +186,7 @@ void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size
   for (std::size_t t = known; t < corrections.size(); ++t) {
     const Eigen::Vector2d found(values[static_cast<std::size_t>(corrections[t][0])],
                                 values[static_cast<std::size_t>(corrections[t][1])]);
-    // The solver may be beyond a bound by its tolerance.
+    // The solver may exceed a bound by its tolerance.
     track.best[begin + t] = found.cwiseMax(track.low[begin + t]).cwiseMin(track.high[begin + t]);
   }
 }
@@ -202,7 +203,7 @@ void solve(const Steps& steps, Track& track) {
   }
 }
 
-/// Steps that move the window's plane behind the camera, or mirror it, connect nothing.
+/// Removes steps that move the window's plane behind the camera, or mirror it.
 Steps usableSteps(const Steps& steps, const Corners& corners) {
   Steps usable = steps;
   for (auto& step : usable) {
@@ -258,7 +259,7 @@ std::vector<Eigen::Matrix3d> steadyPath(const Steps& all_steps, const cv::Size& 
   for (std::size_t t = 0; t < count; ++t) {
     Corners seen;
     for (std::size_t i = 0; i < seen.size(); ++i) seen[i] = window[i].place + window[i].best[t];
-    // Fails only for an image of no area, which is left as it is.
+    // This fails only for an image without area, whose warp stays the identity.
     warps[t].setIdentity();
     homography::solveFourPoints(seen, corners, 1e-6 * area, 1e-6 * area, warps[t]);
     warps[t] /= warps[t](2, 2);

@@ -25,15 +25,15 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Neighbouring pixels of an enlarged frame repeat each other, so a block is as long as 4 px of the
-/// camera.
+/// Number of blocks along a side. Neighbouring pixels of an enlarged frame repeat each other, so a
+/// block has at least 4 px of the camera.
 int blocksAlong(double length, double enlargement) {
   constexpr double kLeastTaken = 4.0;  // px of the camera
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
-/// Sixteen sums, one per column, which become vector code: a single sum must keep its order.
+/// Dot product. Sixteen sums become vector code; a single sum would have to keep its order.
 float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
   constexpr int kColumns = 16;
   float sums[kColumns] = {};
@@ -51,7 +51,7 @@ cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
 
 }  // namespace
 
-/// The picture made as large as `size`, and the frame on the same canvas with a margin around it.
+/// Resizes the picture to `size`, and warps the frame to the same canvas with a margin around it.
 void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const cv::Size& size, const cv::Size& margin, const FramePyramid& frame) {
   const cv::Size& whole = picture.image.size();
@@ -122,7 +122,7 @@ void Appearance::cut(const cv::Mat& image, float least_deviation,
   }
 }
 
-/// Blocks whose middle is in the frame.
+/// Marks the blocks whose middle is in the frame.
 void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture,
                           const cv::Size& frame) {
   std::size_t number = 0;
@@ -176,7 +176,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
   constexpr double kLeastShare = 0.3;  // share of the blocks in view; the others may be hidden
-  // One canvas for both, no finer than the picture is seen in the frame.
+  // Both images share a canvas, which is no finer than the picture appears in the frame.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   columns_ = blocksAlong(seen.width, frame.enlargement);
   rows_ = blocksAlong(seen.height, frame.enlargement);
@@ -186,7 +186,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   markSeen(homography, picture.image.size(), frame.levels[0].size());
 
   const Agreement own = agreementAt(0, 0);
-  double largest = 0.0;  // share of a decoy
+  double largest = 0.0;  // share of hits at the best decoy
   const Agreement decoys = agreementOfDecoys(kFewest, largest);
   Similarity similarity;
   similarity.agreement = own.hits / std::max(own.pairs, 1.0);
@@ -202,8 +202,8 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
 }
 
 double Appearance::shareThatDiffers() const {
-  constexpr float kUnlike = 0.2F;    // correlation; blur leaves more of it
-  constexpr double kFewest = 100.0;  // blocks; one of fewer may differ by chance
+  constexpr float kUnlike = 0.2F;    // correlation; blurred blocks correlate more
+  constexpr double kFewest = 100.0;  // blocks, least divisor: a few may differ by chance
   double all = 0.0, unlike = 0.0;
   for (int row = 1; row + 1 < rows_; ++row) {
     for (int column = 1; column + 1 < columns_; ++column) {

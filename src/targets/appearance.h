@@ -16,9 +16,9 @@ struct FramePyramid {
 };
 
 /// Compares a picture with the frame under a homography, block by block, by the correlation of grey
-/// values. Chance is measured: how often a block of the picture looks like one of the frame's
-/// blocks near its own place. So blocks that all look alike, as in a repetitive picture, are no
-/// evidence. Keeps its buffers.
+/// values. The rate of chance hits is measured: how often a block of the picture looks like a block
+/// of the frame near its own place. So the blocks of a repetitive picture, which all look alike,
+/// are no evidence. Reuses its buffers.
 class Appearance {
  public:
   struct Similarity {
@@ -28,9 +28,9 @@ class Appearance {
     bool differs = false;    ///< most blocks in view have texture and do not look alike
   };
 
-  /// How many times more of the blocks must look alike at their own place than at any place near
-  /// it: a facade or lines of text nearly look alike one window or one line further. Where a track
-  /// says which place it is, that place must only be the best.
+  /// Factor by which more blocks must look alike at their own place than at any place nearby: a
+  /// facade or lines of text nearly look alike one window or one line further. If a track predicts
+  /// the place, this place must only be the best.
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 
@@ -40,13 +40,13 @@ class Appearance {
                      const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
-  /// Among the blocks with texture in both images of the last comparison, the share that looks
-  /// clearly different: another text, not another light or blur. Without those at the border, where
-  /// one of the images may show a little less.
+  /// Share of the blocks that look clearly different, among the blocks with texture in both images
+  /// of the last comparison. Another text differs clearly; another light or blur does not. Blocks
+  /// at the border are left out, because one of the images may show less there.
   double shareThatDiffers() const;
 
   /// Moves a homography by up to `radius` px of the frame to where the images look most alike.
-  /// False, without a result, if they do not anywhere.
+  /// False, without a result, if the images look different everywhere.
   bool locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
               const FramePyramid& frame, double radius, Eigen::Matrix3d& located);
 
@@ -56,8 +56,8 @@ class Appearance {
     bool is_seen = true;  // the block is in the frame
     float values[64];     // mean 0, length 1
   };
-  /// Blocks of the picture that look like those of the frame (dx, dy) blocks away, and all of them
-  /// with texture there.
+  /// Comparison of the picture with the frame (dx, dy) blocks away: `pairs` of blocks with texture
+  /// in the picture, and `hits` among them, which look alike.
   struct Agreement {
     double hits = 0.0;
     double pairs = 0.0;

@@ -9,21 +9,21 @@
 
 namespace ktgp_orb::targets {
 
-/// Finds the descriptors of a set that are similar to a given one without a comparison with all.
-/// Each of eight tables sorts them by a key, the first bits of another 32 of their 256 bits
-/// (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012). Keeps its buffers.
+/// Finds the descriptors of a set that are similar to a given descriptor, without comparing them
+/// all. Each of eight tables sorts the descriptors by a key: the first bits of one eighth of their
+/// 256 bits (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012). Reuses its buffers.
 class BitTables {
  public:
   static constexpr std::size_t kTables = 8;
   static constexpr int kMaxKeyBits = 20;
 
-  /// `fullest_cell`: cells with more descriptors are skipped; many have these bits, so they say
-  /// little. `most_other_bits`: how many of 32 bits outside the key may differ.
+  /// `fullest_cell`: cells with more descriptors are skipped, because a common key says little.
+  /// `most_other_bits`: how many of 32 bits outside the key may differ.
   BitTables(std::uint32_t fullest_cell, int most_other_bits)
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 
   /// `bits_of(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
-  /// fewer find more and take longer.
+  /// fewer bits find more and take longer.
   template <typename BitsOf>
   void build(std::size_t count, int key_bits, BitsOf bits_of) {
     key_bits_ = key_bits;
@@ -35,8 +35,9 @@ class BitTables {
       }
       std::partial_sum(table.start.begin(), table.start.end(), table.start.begin());
       table.items.resize(count);
-      // `start` has the ends of the cells here. Each item moves one of them down, so it has their
-      // beginnings afterwards. Backwards, so that the items of a cell keep their order.
+      // Here `start` has the ends of the cells. Each item moves the end of its cell down, so that
+      // `start` has the beginnings afterwards. The loop goes backwards so that the items of a cell
+      // keep their order.
       for (std::size_t i = count; i-- > 0;) {
         table.items[--table.start[keyOf(bits_of(i), t)]] = {static_cast<std::uint32_t>(i),
                                                             otherBits(bits_of(i), t)};
@@ -52,10 +53,10 @@ class BitTables {
     std::uint32_t query;
     std::uint32_t item;
   };
-  /// Buffers of find(), which several objects can share, and its result.
+  /// Result of find() and its buffers, which several objects can share.
   struct Found {
     std::vector<Similar> pairs;
-    std::size_t count = 0;  // number of items
+    std::size_t count = 0;  // number of valid pairs
 
     struct Run {
       std::uint32_t query, others, begin, end;
@@ -64,9 +65,9 @@ class BitTables {
     std::vector<Run> runs;
   };
 
-  /// The descriptors with the key of a query in one of the tables from `first` to before `end`, and
-  /// few other bits that differ. `wanted_of(q)`: the descriptor of query q, below `queries`. In
-  /// steps, each of which fetches the memory that the next one needs.
+  /// Finds the descriptors that share the key of a query in one of the tables from `first` to
+  /// before `end`, and differ in few other bits. `wanted_of(q)`: the descriptor of query q, below
+  /// `queries`. Works in steps; each step fetches the memory that the next step needs.
   template <typename WantedOf>
   void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wanted_of,
             Found& found) const {
@@ -84,7 +85,7 @@ class BitTables {
       const std::uint32_t* start = &tables_[t].start[run.begin];
       if (++t == end) t = first;
       const std::uint32_t length = start[1] - start[0];
-      // Most cells are empty, but which ones is random: written without a branch.
+      // Which cells are empty is random. A branch would be mispredicted, so there is none.
       runs[used] = {run.query, run.others, start[0], start[1], run.items};
       const bool is_used = length > 0 && length <= fullest_cell_;
       used += static_cast<std::size_t>(is_used);
@@ -105,7 +106,7 @@ class BitTables {
 
  private:
   struct Table {
-    std::vector<std::uint32_t> start;  // where each key begins in the items, and the end
+    std::vector<std::uint32_t> start;  // first item of each key, and the end
     std::vector<Item> items;
   };
 
@@ -113,7 +114,7 @@ class BitTables {
     return static_cast<std::uint32_t>(bits[table / 2] >> (32 * (table % 2))) &
            ((1U << key_bits_) - 1U);
   }
-  /// 32 bits of the next word.
+  /// 32 bits of the word after the key's word.
   static std::uint32_t otherBits(const growth::Bits& bits, std::size_t table) {
     return static_cast<std::uint32_t>(bits[(table / 2 + 1) % bits.size()] >> 16);
   }

@@ -12,12 +12,12 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr double kCopySide = 96.0;       // px of the copy that is moved over itself
-constexpr double kLeastMove = 0.08;      // share of the side; less is the same place
+constexpr double kCopySide = 96.0;       // px; longer side of the copy that is compared with itself
+constexpr double kLeastMove = 0.08;      // share of the side; a smaller move is the same place
 constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
 constexpr double kLeastAgreement = 0.6;  // share of the blocks
 constexpr double kLeastOverlap = 0.5;
-constexpr std::size_t kMostPlaces = 4;  // places for each turn
+constexpr std::size_t kMostPlaces = 4;  // limit of tested places for each turn
 
 /// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
@@ -119,18 +119,18 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
   return areaOf(one.pairs.reference) > kShare * all.volume();
 }
 
-/// Whether the outlines have more than `share` of the larger one in common.
+/// Whether the common area of the outlines is more than `share` of the larger outline.
 bool areInOnePlace(const Outline& a, const Outline& b, double share) {
   Outline common;
   return cv::intersectConvexConvex(a, b, common) >
          share * std::max(cv::contourArea(a), cv::contourArea(b));
 }
 
-/// Whether a part of the image, such as a text, clearly differs from the picture found in it, and
-/// the part is so large that conflicts() can tell which one is seen. Of the blocks of 350 copies of
-/// pictures in another light, scale and blur, at most 0.031 differed, where the copy was found in
-/// the right place; of signs with the same upper half and a word in common below, at least 0.041. A
-/// glare with a sharp edge may have 0.08.
+/// Whether a part of the image, such as a text, clearly differs from the picture found in it. The
+/// part must be so large that conflicts() can tell which of the two is seen. Measured shares of
+/// differing blocks: at most 0.031 in 350 copies of pictures in another light, scale and blur,
+/// where the copy was found in the right place; at least 0.041 in signs with the same upper half
+/// and a common word below. A glare with a sharp edge may have 0.08.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;
@@ -195,7 +195,8 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store) {
   constexpr double kShare = 0.6;
-  // Compares the blocks of one sharp image: with a logo in common, the others differ.
+  // Least share of blocks that look alike. If two sharp images have only a logo in common, the
+  // other blocks differ.
   constexpr double kLeastAgreement = 0.5;
   return found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store),

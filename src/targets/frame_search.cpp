@@ -15,10 +15,11 @@ namespace {
 // Votes that a target needs to be tried. The index returns only the most similar keypoints of all
 // targets, so each target has few wrong pairs.
 constexpr std::int32_t kFewestIndexVotes = 2;
-// Votes that a seed needs to be grown. Here each keypoint of the frame gets the most similar one
-// of this target, so there are many wrong pairs.
+// Votes that a seed needs to be grown. Each keypoint of the frame is paired with the most similar
+// keypoint of this target, so there are many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
-// The same for another instance of a target that was found: most frames have one only.
+// Votes that a seed of a further instance needs. The limit is higher because most frames show only
+// one instance.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
 // The thorough tables are searched only if the best seed has at least this many votes.
@@ -39,9 +40,8 @@ void FrameSearch::setFrame(const Features& features, double scale) {
   }
   tables_.setFrame(bits_);
   is_thorough_set_ = false;
-  // The next keypoint to be looked up is this many numbers further. With about 0.618 of their
-  // number, those of one call are evenly spread. Without a common divisor, every keypoint is
-  // reached.
+  // Step of the order in which keypoints are looked up. A step of about 0.618 of their number
+  // spreads the keypoints of one call evenly. Without a common divisor, every keypoint is reached.
   step_ = std::max<std::size_t>(1, bits_.size() * 618 / 1000);
   while (std::gcd(step_, bits_.size()) > 1) ++step_;
 }
@@ -55,7 +55,7 @@ void FrameSearch::lookUp(std::size_t turn, std::size_t count) {
   store_.index().search(bits_, queries_, hits_);
 }
 
-/// The pictures of a target have consecutive numbers, so its hits are a run.
+/// The pictures of a target have consecutive numbers, so its sorted hits are consecutive, too.
 const std::vector<Candidate>& FrameSearch::candidates() {
   std::sort(hits_.begin(), hits_.end(), [](const IndexHit& a, const IndexHit& b) {
     if (a.picture != b.picture) return a.picture < b.picture;
@@ -79,8 +79,7 @@ const std::vector<Candidate>& FrameSearch::candidates() {
   return candidates_;
 }
 
-/// Most targets are found by the pairs that take little time. If few of these agree with each
-/// other, more pairs seldom help.
+/// The fast tables find most targets. If few of their pairs agree, the thorough tables seldom help.
 int FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
   const int count = searchWith(tables_, target, found);
   if (count > 0 || most_votes_ < kFewestThoroughVotes) return count;
@@ -107,7 +106,7 @@ int FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
   return count;
 }
 
-/// Searches the pictures of the target in the keypoints that are not taken, until one is found.
+/// Searches for the pictures of the target among keypoints that are not taken, until one is found.
 bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
   bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {

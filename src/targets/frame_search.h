@@ -18,29 +18,28 @@ struct Candidate {
   std::int32_t votes;  ///< votes of its best seed
 };
 
-/// Searches targets in one frame. What is found for a target depends only on this target and the
-/// frame. Keeps its buffers.
+/// Searches for targets in one frame. The result for a target depends only on this target and the
+/// frame. Reuses its buffers.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class FrameSearch {
  public:
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)
       : options_(options), store_(store), tables_(kKeyBits), thorough_tables_(kThoroughKeyBits) {}
 
-  /// `features` must live until the last search in this frame. `scale`: px of their image per px of
-  /// the camera.
+  /// `features` must live until the last search. `scale`: px of the searched image per camera px.
   void setFrame(const Features& features, double scale);
 
-  /// Looks at most `count` keypoints up in the index of all targets, from number `turn` of a fixed
+  /// Looks up at most `count` keypoints in the index of all targets, from place `turn` of a fixed
   /// order on. Keypoints that follow each other in this order lie in different parts of the frame.
   void lookUp(std::size_t turn, std::size_t count);
-  /// The targets that may be in the frame, according to the keypoints looked up so far; in the
-  /// order of their pictures' numbers.
+  /// The targets that may be in the frame, according to the keypoints looked up so far, sorted by
+  /// the numbers of their pictures.
   const std::vector<Candidate>& candidates();
 
-  /// Appends all instances of the target, at most the options' number; returns how many.
+  /// Appends the instances of the target, at most options.max_instances, and returns their number.
   int search(StoredTarget& target, std::vector<FoundTarget>& found);
-  /// Looks for one more instance within `radius` px of a prediction (picture's `image` -> frame,
-  /// px), by the images alone, apart from those of this target in `found`; appends it.
+  /// Searches for one more instance within `radius` px of a prediction (picture's `image` -> frame,
+  /// px), by the images alone. Appends it unless `found` has an instance of this target there.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
@@ -62,18 +61,18 @@ class FrameSearch {
   FrameTables tables_;
   FrameTables thorough_tables_;  // set for the frame when they are needed
   bool is_thorough_set_ = false;
-  std::size_t step_ = 1;  // from one keypoint to the next one that is looked up
+  std::size_t step_ = 1;  // step between keypoints that are looked up
   std::vector<std::uint32_t> queries_;
   std::vector<IndexHit> hits_;                // answer of the index
-  std::vector<std::vector<IndexHit>> pairs_;  // for each picture of one target
+  std::vector<std::vector<IndexHit>> pairs_;  // pairs of each picture of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;
   std::int32_t most_votes_ = 0;      // most votes of a seed in the last searchWith()
   PictureSearch whole_;              // searches all features
-  PictureSearch rest_;               // searches those that are not taken
+  PictureSearch rest_;               // searches the features that are not taken
   std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
   Features rest_features_;
-  std::vector<std::int32_t> rest_numbers_;  // their numbers in the whole frame
+  std::vector<std::int32_t> rest_numbers_;  // numbers of rest_features_ in the whole frame
 };
 
 }  // namespace ktgp_orb::targets

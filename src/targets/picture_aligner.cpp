@@ -11,9 +11,9 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr double kPatchStep = 8.0;   // px of the small picture, from patch to patch: half of one
+constexpr double kPatchStep = 8.0;   // px of the small picture between patches: half a patch
 constexpr double kPatchReach = 4.0;  // px
-constexpr int kMargin = 8;           // px around the small picture, for what is read beside a patch
+constexpr int kMargin = 8;  // px around the small picture, since pixels beside a patch are read
 constexpr std::size_t kFewestPatches = 12;
 
 }  // namespace
@@ -68,8 +68,8 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   UncertainHomography of_small = UncertainHomography{estimate.homography * to_picture};
   of_small.homography /= of_small.homography(2, 2);
   const double all = std::hypot(size_.width, size_.height);
-  // The last round warps the patches by a better homography. A quarter of the patches gives it, if
-  // the picture has so many.
+  // The first round improves the homography that warps the patches in the last round. A quarter of
+  // the patches is enough for this, if the picture has so many.
   const auto improve = [&](double step) {
     return alignNear({0.0, 0.0}, all, step, of_small.homography) && refine(of_small);
   };
@@ -86,7 +86,7 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   return true;
 }
 
-/// Largest error of a patch that agrees with the homography, px; the others found something else.
+/// Largest error of a patch that agrees with the homography, px. Other patches matched elsewhere.
 double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
   constexpr double kTimesMedian = 3.0;
   constexpr double kLeast = 0.3;  // px
@@ -108,8 +108,8 @@ bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d&
          point.x() < size_.width - 1.0 - margin.x() && point.y() < size_.height - 1.0 - margin.y();
 }
 
-/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if too few, or too
-/// small a part of those that could be, were found again. `map`: small picture -> frame.
+/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if too few patches, or
+/// too small a share of the usable patches, were found again. `map`: small picture -> frame.
 bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, double step,
                                const Eigen::Matrix3d& map) {
   constexpr double kLeastShare = 0.3;

@@ -12,23 +12,23 @@
 namespace ktgp_orb::targets {
 
 /// Corrects the homography of a picture by patches of the images, as ktgp_orb::Alignment does for
-/// two frames. It differs in two ways. The picture is first made as small as it appears in the
+/// two frames. There are two differences. The picture is first made as small as it appears in the
 /// frame, by averaging, so that both images are equally sharp. The patches lie on a grid over the
-/// whole picture, not at keypoints, which a small target has few of. Keeps its buffers.
+/// whole picture, not at keypoints, because a small target has few keypoints. Reuses its buffers.
 class PictureAligner {
  public:
   PictureAligner();
 
   /// Grows the homography of the whole picture from a map that is right near one position.
   /// `centre`: that position, px of the picture. `map`: picture -> frame, affine. True: `estimate`
-  /// is the homography. False: the images do not agree there, or too little of them.
+  /// is the homography. False: too few patches agree around the position.
   bool grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
             const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
             UncertainHomography& estimate);
 
-  /// `frame`: its pyramid, not empty. `estimate`: picture -> frame, px; right within about 4 px.
-  /// True: `estimate` is corrected, and `pairs` are what it was fitted to. False: both are
-  /// unchanged, since too few patches were found again, or they do not agree on a homography.
+  /// `frame`: pyramid of the frame, not empty. `estimate`: picture -> frame, px; right within about
+  /// 4 px. True: `estimate` is corrected and was fitted to `pairs`. False: both are unchanged,
+  /// since too few patches were found again, or they do not agree on a homography.
   bool align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
              UncertainHomography& estimate, PointPairs& pairs);
 
@@ -43,7 +43,7 @@ class PictureAligner {
   alignment::PatchAligner aligner_;
   homography::HomographyRefiner refiner_;
   cv::Mat shrunk_;              // the picture as small as in the frame
-  std::vector<cv::Mat> small_;  // the same with a border; one level
+  std::vector<cv::Mat> small_;  // shrunk_ with a border; one level
   cv::Size size_;               // size of the picture without the border
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<double> errors_;  // px

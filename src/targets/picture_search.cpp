@@ -33,7 +33,7 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 
 bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;        // px
-  constexpr std::ptrdiff_t kTwice = 2;  // maps: one alone may come from a wrong first seed
+  constexpr std::ptrdiff_t kTwice = 2;  // maps; a single map may come from a wrong first seed
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from(), seed.to()) < kNear;
          }) >= kTwice;
@@ -61,7 +61,7 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
   return false;
 }
 
-/// Where many seeds agree, they give the homography at once, without growth from one of them.
+/// If many seeds agree, fits the homography to them at once, without growth from a single seed.
 bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map) {
   constexpr std::size_t kMany = 24;
   for (const float radius : {kTargetPlan.first_radius, 0.5F * kTargetPlan.first_radius}) {
@@ -76,12 +76,12 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   return true;
 }
 
-/// A wrong place would have to be within the radius, and look more like the picture than the places
-/// around it. So fewer false alarms are possible than in a search of the whole frame for any
-/// picture, and the threshold is lower.
+/// A false alarm would have to lie within the radius and look more like the picture than the places
+/// around it. Chance has fewer opportunities than in a search of the whole frame for any picture,
+/// so weaker evidence is enough.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundTarget& found) {
-  constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
+  constexpr double kPlaces = 100.0;  // number of places within the radius that do not look alike
   if (frame_.levels.empty()) return false;
   aligned_ = {};
   if (!appearance_.locate(picture, prediction, frame_, radius, aligned_.homography) ||
@@ -109,8 +109,8 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
   return accept(picture, map, pictures, found);
 }
 
-/// Grows from the patches around the seed to the whole picture, where there are few keypoints, or
-/// few that are found again in this view.
+/// Grows from the patches around the seed to the whole picture. This helps if there are few
+/// keypoints, or few are found again in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundTarget& found) {
@@ -127,8 +127,8 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
   return isSeen(picture, pictures, found);
 }
 
-/// Fits the homography to what the grower has just found, and judges it: by the images or, where
-/// these do not tell, by decoys of the keypoints.
+/// Fits the homography to the pairs that the grower has just found, and judges it by the images. If
+/// these do not confirm it, decoys of the keypoints decide.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
@@ -142,7 +142,7 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   }
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
-  // A copy beside this one is no period of the picture.
+  // Another copy of the target beside this one must not count as a period of the picture.
   const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
@@ -177,7 +177,7 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
   return !seen.differs;
 }
 
-/// The homography of maximum likelihood. False if the pairs do not determine one.
+/// Fits the homography of maximum likelihood. False if the pairs do not determine it.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
                         FoundTarget& found) {
   takePairs(found);
@@ -188,7 +188,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
                          found.estimate);
 }
 
-/// Pairs of the last search of the grower.
+/// Takes the pairs of the grower's last search.
 void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
   found.pairs = grower_.pairs();
@@ -218,7 +218,7 @@ void PictureSearch::dropOutliers(FoundTarget& found) {
 void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
-  // Keypoints in a small part of the picture do not determine the rest of it.
+  // Keypoints in a small part of the picture do not determine its other parts, so the images do.
   const Eigen::Matrix3d& map = found.estimate.homography;
   const Eigen::Vector2d centre = growth::middleOf(found.pairs.reference);
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
@@ -232,7 +232,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
 }
 
 bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
-  constexpr double kMostDeviation = 5.0;  // px, of a corner, in the image where it is smaller
+  constexpr double kMostDeviation = 5.0;  // px of a corner, in the image where it is smaller
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
                                   homography::imageCorners(picture.image.size(), {}));

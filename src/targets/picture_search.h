@@ -21,26 +21,25 @@ namespace ktgp_orb::targets {
 struct FoundTarget {
   StoredTarget* target = nullptr;
   std::uint32_t picture = 0;     ///< number in the store
-  bool predicted = false;        ///< it was looked for where a track leads
+  bool predicted = false;        ///< found at the place that a track predicts
   UncertainHomography estimate;  ///< picture's `image` -> frame, px
   bool aligned = false;
-  PointPairs pairs;  ///< pairs that it was fitted to; px of `image` and of the frame
-  std::vector<std::int32_t> keypoints;  ///< numbers of the frame's keypoints that agree with it
+  PointPairs pairs;  ///< pairs that `estimate` was fitted to; px of `image` and of the frame
+  std::vector<std::int32_t> keypoints;  ///< numbers of the frame's keypoints that agree
   double log_false_alarms = 0.0;
-  double agreement =
-      0.0;  ///< share of the part in view that looks alike; 0: the images do not tell
+  double agreement = 0.0;  ///< share of the part in view that looks alike; 0: not compared
 };
 
-/// Searches one picture in a frame, from seeds or from a predicted homography. Keeps its buffers.
+/// Searches for a picture in a frame, from seeds or a predicted homography. Reuses its buffers.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class PictureSearch {
  public:
-  /// The features of the frame that take part from now on. `numbers`: of each in the whole frame;
-  /// empty: these are all. `frame`: may have no images.
+  /// Sets the features of the frame to search in. `numbers`: their numbers in the whole frame;
+  /// empty if these are all features. `frame`: may have no images.
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                 const FramePyramid& frame);
 
-  /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
+  /// Tries the best seeds, at most kMostSeeds, until one grows to a homography that chance does not
   /// explain. `pictures`: number of known pictures, each of which is an opportunity for chance.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
@@ -50,20 +49,19 @@ class PictureSearch {
               FoundTarget& found);
   /// Corrects the homography by the images.
   void align(const TargetPicture& picture, FoundTarget& found);
-  /// Compares the images again if they agreed little before the alignment. False if most of what is
-  /// in view looks different.
+  /// Compares the images again if they agreed little before the alignment. False if most of the
+  /// part in view looks different.
   bool confirm(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
   /// False if so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundTarget& found);
 
-  /// log10 of the false alarms expected of one target that is searched anywhere, and of one that is
-  /// followed.
+  /// Limits of log10 of the expected false alarms: of a search anywhere, and of a followed target.
   static constexpr double kLogMaxFalseAlarms = -8.0;
   static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
-  /// Most attempts for one picture in a frame, each of which is an opportunity for chance. Seeds
-  /// come from two kinds of tables, and each one can give three homographies.
+  /// Limits of the attempts for one picture in a frame, each of which is an opportunity for chance.
+  /// Seeds come from two kinds of tables, and each seed can give three homographies.
   static constexpr int kAllSeeds = 2 * kMostSeeds;
   static constexpr int kAllHomographies = 3 * kAllSeeds;
 
@@ -84,7 +82,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Removes the keypoints that do not agree with the homography last labelled.
+  /// Removes the pairs that do not agree with the homography last labelled.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;

@@ -11,19 +11,19 @@ namespace {
 
 constexpr double kOctave = 2.0;
 
-/// How much larger a frame becomes in which small targets are wanted; 1: as it is.
+/// Enlargement of a frame if small targets are wanted; 1: none.
 double enlargementOf(int longer_side) {
   constexpr double kEnlarged = 960.0;  // px; more takes time, and loses large targets
   constexpr double kMost = 4.0;
-  constexpr double kLeast = 1.25;  // less finds hardly more than the frame itself
+  constexpr double kLeast = 1.25;  // a smaller factor finds hardly more
   if (longer_side <= 0) return 1.0;
   const double most = static_cast<double>(SearchedFrame::kLargestFrame) / longer_side;
   const double by = std::min(std::clamp(kEnlarged / longer_side, kOctave, kMost), most);
   return by >= kLeast ? by : 1.0;
 }
 
-/// With the levels that the enlargement adds, up to an octave, large targets are reached as before.
-/// More enlargement makes edges softer.
+/// Adds levels for the enlargement, up to an octave, so that large targets are found as before.
+/// More enlargement makes edges softer, so the threshold for corners is lower.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);
@@ -33,7 +33,7 @@ OrbOptions enlarged(OrbOptions options, double by) {
   return options;
 }
 
-/// The homography back to the frame needs the ratio of the sizes, which are whole pixels.
+/// Rounds to whole pixels. The homography back to the frame needs the ratio of these sizes.
 cv::Size resized(const cv::Size& size, double by) {
   return {std::max(1, cvRound(by * size.width)), std::max(1, cvRound(by * size.height))};
 }

@@ -9,19 +9,19 @@
 
 namespace ktgp_orb::targets {
 
-/// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints, so
-/// the frame is made up to twice as large where such targets are wanted, and a frame below 480 px
-/// up to four times: there the same targets are smaller. A frame becomes kLargestFrame at most:
-/// beyond half of that it is made less than twice as large, and beyond four fifths it stays. A
-/// larger one is made smaller: the pyramid does not reach a target that fills it. Keeps its
-/// buffers.
+/// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints. So
+/// if such targets are wanted, the frame is enlarged to twice its size. A frame below 480 px is
+/// enlarged up to four times, because targets are smaller there. The enlarged frame has at most
+/// kLargestFrame px: above half of this the enlargement is less than twofold, and above four fifths
+/// there is none. A frame above kLargestFrame is made smaller, because the pyramid does not reach a
+/// target that fills it. Reuses its buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);
 
   /// `image` must live until the next call. `wants_small`: targets below kSmallSide are wanted.
   void set(const cv::Mat& image, bool wants_small);
-  /// Uses features that were found elsewhere, unchanged.
+  /// Uses the given features, unchanged.
   void set(const Features& features);
 
   const Features& features() const { return *features_; }
@@ -29,10 +29,10 @@ class SearchedFrame {
   double scale() const { return scale_; }
   /// Searched frame -> frame, px.
   const Eigen::Matrix3d& toFrame() const { return to_frame_; }
-  /// The frame itself, if it was given; its level 0 only.
+  /// The frame at its own size, as a pyramid of one level; empty if features were given.
   const std::vector<cv::Mat>& own() const { return own_; }
 
-  static constexpr double kSmallSide = 80.0;  ///< px of the frame; shorter side of a target
+  static constexpr double kSmallSide = 80.0;  ///< shorter side of a target, px of the frame
   static constexpr int kLargestFrame = 2500;  ///< px, longer side
 
  private:

@@ -22,7 +22,7 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-constexpr std::size_t kMost = 300;  // pairs; the first ones are used, to limit the time
+constexpr std::size_t kMost = 300;  // limit of pairs, to save time; the first pairs are used
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
             const growth::LocalFrame& to) {

@@ -21,20 +21,19 @@ struct Seed {
   Eigen::Vector2d to() const { return {map.to_x, map.to_y}; }        ///< px of the frame
 };
 
-/// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map. It gets
-/// a vote from each other pair that is near, lies where this map predicts, and has a similar map.
-/// Keeps its buffers.
+/// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map, and gets
+/// a vote from each other pair that is near, lies where the map predicts, and has a similar map.
 class Seeds {
  public:
-  /// Collects pairs with the picture of `reference` from `begin` to `end`. `frames`: the keypoints
-  /// of the frame. Those whose `taken` is not zero are left out; empty: none is.
+  /// Collects the pairs from `begin` to `end`, which belong to the picture of `reference`.
+  /// `frames`: keypoints of the frame. `taken`: non-zero for keypoints to be left out; empty: none.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// Seeds with `fewest_votes` or more, the ones with most votes first.
+  /// Seeds with at least `fewest_votes`, in the order of falling votes.
   const std::vector<Seed>& best() const { return seeds_; }
-  /// Votes of the best one; 0 if there is none.
+  /// Votes of the best seed; 0 if there is none.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }
 
  private:
@@ -42,11 +41,10 @@ class Seeds {
 
   const VoteKernel* kernel_ = &bestVoteKernel();
   std::vector<Seed> seeds_;
-  std::vector<float> columns_;  // their maps, for the kernel: the first value of all, and so on
+  std::vector<float> columns_;  // maps of the seeds, one column per value
 };
 
-/// The affine map from picture to frame around the seed, fitted to those of `seeds` that vote for
-/// it.
+/// The affine map from picture to frame around the seed, fitted to the seeds that vote for it.
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds);
 
 }  // namespace ktgp_orb::targets

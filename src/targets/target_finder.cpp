@@ -48,7 +48,7 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
-  // smallest_side decides by how much frames are enlarged.
+  // The enlargement of frames depends on smallest_side, not on first_level.
   util::requireInRange("orb.first_level", options.orb.first_level, 0, 0);
   util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
   util::requireInRange("search_ms", options.search_ms, 0.0, kUnlimited);
@@ -79,7 +79,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  // For the images as they were given, before they were resized.
+  // Converts to px of the images as they were given, before they were resized.
   detection.homography = homography::chained(
       {frame.toFrame()}, homography::chained(found.estimate, {targets::toStored(picture)}));
   detection.homography.plane_deviation = found.estimate.plane_deviation / frame.scale();
@@ -95,23 +95,24 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   return detection;
 }
 
-/// Whether an instance of a target with `frame` has the frame `name`: instance 1 of `door` has
-/// `door_1`, and none has `door_0` or `door_01`.
+/// Whether `name` is the frame of an instance of the target with `frame`: `door_1` is the frame of
+/// instance 1 of `door`, but `door_0` and `door_01` belong to no instance.
 bool isInstanceFrame(const std::string& name, const std::string& frame) {
   const std::size_t first = frame.size() + 1;  // position of the first digit
   return name.size() > first && name.compare(0, first, frame + "_") == 0 && name[first] != '0' &&
          name.find_first_not_of("0123456789", first) == std::string::npos;
 }
 
-/// Memory of the frames before.
+/// State that is kept from frame to frame.
 struct Sequence {
   std::uint64_t number = 0;  // number of the frame, from 1
-  std::size_t turn = 0;      // the keypoint from which on the next frame looks them up
+  std::size_t turn = 0;      // place in the order of look-ups where the next frame goes on
   targets::Tracks tracks;
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // frame of the last try
 };
 
-/// The order of the search: in turn the target with most votes and the one that has waited longest.
+/// The order of the search: alternates between the target that has waited longest and the target
+/// with the most votes.
 std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
   const auto last_tried_of = [&](const Candidate& candidate) {
     const auto found = sequence.last_tried.find(candidate.target);
@@ -171,7 +172,7 @@ struct TargetFinder::Impl {
   Sequence sequence;
   targets::PictureAligner aligner;
   std::vector<FoundTarget> found;
-  std::vector<Track> track_of;  // for each one in `found`
+  std::vector<Track> track_of;  // track of each entry of `found`
   TargetFrame answer;
 };
 
@@ -181,8 +182,8 @@ OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) 
   return orb;
 }
 
-/// Searches the known targets in the new pictures, and throws if one shows the same. One that
-/// covers only a part of the new picture, such as a logo, does not.
+/// Searches for the known targets in the new pictures, and throws if a target shows the same as a
+/// picture. A target that covers only a part of the picture, such as a logo, is no reason to throw.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
@@ -208,7 +209,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   }
 }
 
-/// A frame of tf has one parent.
+/// Throws if another target uses the frame, because a frame of tf has one parent.
 void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarget* replaced) const {
   const std::string frame = util::withoutSlash(target.frame);
   if (frame.empty()) return;
@@ -253,9 +254,9 @@ void TargetFinder::Impl::searchFollowed() {
   }
 }
 
-/// Looks up one part of the keypoints after the other until the time since `start` has passed. At
-/// least one part is looked up, and the next frame goes on behind the last one. Returns within how
-/// many frames all keypoints are looked up at this rate.
+/// Looks up the keypoints in parts until the time since `start` has passed, but at least one part.
+/// The next frame goes on after the last part. Returns the number of frames in which all keypoints
+/// are looked up at this rate.
 std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
                                        Clock::time_point start) {
   constexpr std::size_t kPart = 128;
@@ -269,15 +270,14 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
   return done < count ? (count + done - 1) / done : 1;
 }
 
-/// Tries the candidates that were not seen in the last frame until the time has passed; the first
-/// two are always tried: the one that has waited longest, and the one with most votes.
+/// Tries the candidates that were not seen in the last frame until the time has passed. The first
+/// two are always tried: the target that has waited longest, and the target with the most votes.
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
   const Clock::time_point start = Clock::now();
-  // Less while something is followed, so that a robot that tracks known targets has time for other
-  // work.
+  // Takes less time while a target is followed, so that the robot has time for other work.
   const double milliseconds = (found.empty() ? 1.0 : 0.1) * options.search_ms;
-  // The other half is for the candidates.
+  // The other half of the time is for the candidates.
   const std::size_t frames = lookUp(answer.features, 0.5 * milliseconds, start);
   std::vector<Candidate> others;
   for (const Candidate& candidate : search.candidates()) {
@@ -316,9 +316,9 @@ void TargetFinder::Impl::publish() {
             });
 }
 
-/// Whether the frame is made larger, so that small targets are found: while nothing is followed, or
-/// something small, or something was lost, and in each eighth frame for what is new. So a robot
-/// that tracks large targets has time for other work.
+/// Whether the frame is enlarged to find small targets: if no target is followed, a small target is
+/// followed, or a target was lost, and in every eighth frame to find new targets. So a robot that
+/// tracks large targets has time for other work.
 bool TargetFinder::Impl::wantsSmall() const {
   constexpr std::uint64_t kEach = 8;
   if (options.smallest_side >= SearchedFrame::kSmallSide) return false;
@@ -326,9 +326,10 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Corrects the homography by the pixels of the frame itself. Where the searched frame is smaller,
-/// they show more, if the picture is fine enough. Where it is larger, its blur is wider, so that a
-/// patch shows less; but small targets have too few patches in the frame itself.
+/// Corrects the homography by the pixels of the frame itself. If the searched frame is smaller, the
+/// frame itself shows more, provided that the picture is fine enough. If the searched frame is
+/// larger, its blur is wider, so that a patch shows less; but small targets have too few patches in
+/// the frame itself.
 void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
   if (frame->own().empty()) return;
@@ -351,10 +352,10 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   one.pairs = std::move(pairs);
 }
 
-/// Finishes those found from number `begin` on, and drops those that are not determined. Where the
-/// images do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints
-/// together, so that they are worth far fewer than their number: in drawn frames with 4 to 20 px of
-/// blur, the squared errors of the corners were 10 to 140 times what the covariance said.
+/// Finishes the entries of `found` from `begin` on, and drops undetermined entries. If the images
+/// do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints together, so
+/// that they count as far fewer: in drawn frames with 4 to 20 px of blur, the squared errors of the
+/// corners were 10 to 140 times the covariance.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const auto first = found.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -477,7 +478,7 @@ const TargetFrame& TargetFinder::find(const Features& features) {
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   const Sequence followed = std::exchange(impl_->sequence, {});
-  // The request has buffers of its own, which may be large.
+  // The request has its own buffers, which may be large and are freed afterwards.
   std::unique_ptr<SearchedFrame> of_sequence =
       std::exchange(impl_->frame, std::make_unique<SearchedFrame>(impl_->options));
   const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);

@@ -16,8 +16,8 @@ void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bi
   is_changing_ = true;
   Segment fresh;
   for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
-  // Segments that are not larger are merged with the new one, as a binary counter carries. So each
-  // descriptor is sorted only a few times.
+  // Segments that are not larger than the new segment are merged with it, as a binary counter
+  // carries. So each descriptor is sorted only a few times.
   std::size_t first = segments_.size();
   std::size_t size = fresh.entries.size();
   while (first > 0 && segments_[first - 1].entries.size() <= size) {
@@ -40,11 +40,11 @@ void TargetIndex::optimise() {
   const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  // Targets that change all the time do not make the index grow, either.
+  // Limits the removed entries even if targets change all the time, so the index does not grow.
   if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 
-/// The segments from `first` on become one, in which all entries are sorted by picture.
+/// Merges the segments from `first` on into one, without the entries of removed pictures.
 void TargetIndex::mergeFrom(std::size_t first) {
   Segment merged;
   for (std::size_t i = first; i < segments_.size(); ++i) {
@@ -82,7 +82,7 @@ void TargetIndex::search(const std::vector<growth::Bits>& wanted,
   }
 }
 
-/// Works in steps; each one fetches the memory that the next one needs.
+/// Works in steps. Each step fetches the memory that the next step needs.
 void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                                 const std::uint32_t* queries, std::size_t count) {
   segment.tables.find(
@@ -108,14 +108,14 @@ void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth
   });
 }
 
-/// Inserts the hit among the nearest ones, which are kept in order.
+/// Inserts the hit into the sorted list of the nearest hits.
 void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const {
   const auto before = [](const IndexHit& a, const IndexHit& b) {
     if (a.distance != b.distance) return a.distance < b.distance;
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  if (place != nearest.end() && !before(hit, *place)) return;  // it was found in another table, too
+  if (place != nearest.end() && !before(hit, *place)) return;  // another table has found this hit
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();
 }
@@ -130,7 +130,7 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
                         std::vector<IndexHit>& pairs) {
   const std::vector<growth::Bits>& wanted = picture.bits();
   nearest_.assign(bits_.size(), {});
-  // One table after the other: one fits into the processor's first cache.
+  // Searches one table at a time, because one table fits into the processor's first cache.
   for (std::size_t table = 0; table < BitTables::kTables; ++table) {
     tables_.find(
         table, table + 1, wanted.size(),
@@ -153,8 +153,8 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
   });
 }
 
-/// Remembers the keypoint of the picture if it is the most similar one so far, or the most similar
-/// one at another place.
+/// Remembers the most similar keypoint of the picture so far, and the distance of the most similar
+/// keypoint at another place.
 void FrameTables::keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
                        Nearest& nearest) const {
   constexpr float kApart = 8.F;  // px of the picture

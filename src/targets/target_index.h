@@ -17,10 +17,10 @@ struct IndexHit {
   std::int32_t distance;   ///< Hamming
 };
 
-/// Finds most of the descriptors of all pictures that are similar to a given one.
+/// Finds the descriptors of all pictures that are similar to a given descriptor; a few are missed.
 class TargetIndex {
  public:
-  /// Whether a picture may be added under this number: nothing of an earlier one is left.
+  /// Whether a picture may be added under this number: no entry of an earlier picture is left.
   bool isFree(std::uint32_t picture) const {
     return picture >= is_used_.size() || is_used_[picture] == 0;
   }
@@ -32,8 +32,8 @@ class TargetIndex {
   /// Call it before each frame.
   void optimise();
 
-  /// Appends the most similar descriptors for each of `queries`, which are numbers in `wanted`: at
-  /// most kNearest, for equal distances those with the lower numbers.
+  /// Appends the most similar descriptors, at most kNearest, for each of `queries`, which are
+  /// indices into `wanted`. At equal distances, lower numbers come first.
   void search(const std::vector<growth::Bits>& wanted, const std::vector<std::uint32_t>& queries,
               std::vector<IndexHit>& hits);
 
@@ -62,28 +62,28 @@ class TargetIndex {
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
   // By picture number: 1 while segments may hold entries of the picture.
   std::vector<std::uint8_t> is_used_;
-  std::vector<Segment> segments_;  // the largest first
+  std::vector<Segment> segments_;  // largest segment first
   std::size_t removed_ = 0;        // entries of removed pictures
   bool is_changing_ = false;       // pictures have changed since the last optimise()
-  // Queries are searched in blocks: the memory for one is fetched during the work on the others.
+  // Queries are searched in blocks: memory for one is fetched during the work on the others.
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
 };
 
-/// Pairs the keypoints of one picture with those of the frame. Keeps its buffers.
+/// Pairs the keypoints of one picture with the keypoints of the frame. Reuses its buffers.
 class FrameTables {
  public:
-  /// `key_bits`: 8..16, equal bits of descriptors that are compared. Fewer ones find more pairs and
-  /// take longer.
+  /// `key_bits`: 8..16; descriptors are compared only if so many bits are equal. Fewer bits find
+  /// more pairs and take longer.
   explicit FrameTables(int key_bits) : key_bits_(key_bits) {}
 
   void setFrame(const std::vector<growth::Bits>& bits);
 
-  /// Pairs each keypoint of the frame with the most similar one of the picture, if one is similar
-  /// enough; a few are missed. Clear pairs come first: those where the second most similar keypoint
-  /// of the picture, at another place, is much less similar. The pairs depend only on this picture
-  /// and the frame.
+  /// Pairs each keypoint of the frame with the most similar keypoint of the picture, if their
+  /// distance is at most kMaxDistance; a few pairs are missed. Clear pairs come first: the second
+  /// most similar keypoint at another place of the picture is much less similar. The pairs depend
+  /// only on this picture and the frame.
   void match(std::uint32_t number, const growth::ReferenceFrames& picture,
              std::vector<IndexHit>& pairs);
 

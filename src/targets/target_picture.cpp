@@ -20,11 +20,11 @@ constexpr double kInside = 0.35;
 // Levels of the pyramid of each size. Together they reach a tenth of the image's size, and each
 // level has enough keypoints.
 constexpr int kLevels = 5;
-// The sizes that the image and its tilted views are stored at: the scale, and the share of the
-// keypoints of the image.
+// Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
+// as a share of the wanted number.
 constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
 constexpr double kLeastSize = 40.0;  // px, longer side
-// Shorter side, px: less leaves no place for a keypoint that is far enough from both borders.
+// Least shorter side. In a narrower image, no keypoint is far enough from both borders.
 constexpr int kLeastRoom = 24;  // px
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
@@ -37,7 +37,7 @@ cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   return small;
 }
 
-/// A small copy of the image is made from one of these, which takes less time.
+/// Stores halves of the image, from which shrink() makes small copies faster.
 void addHalves(TargetPicture& picture) {
   constexpr int kLeastSide = 64;  // px
   cv::Mat last = picture.image;
@@ -54,7 +54,7 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
   const double scale = std::sqrt(std::abs(from_view.determinant()));
   Features& features = view.features;
-  if (features.empty()) return;  // a narrow picture has none
+  if (features.empty()) return;  // a narrow picture has no keypoints
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
     const cv::KeyPoint& keypoint = features.keypoints[i];
@@ -74,7 +74,7 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   features.descriptors = features.descriptors.rowRange(0, static_cast<int>(kept));
 }
 
-/// The image at `scale` and its tilted views; in px of the target's image.
+/// Adds the image at `scale` and its tilted views. They refer to px of the target's image.
 void addViews(const cv::Mat& image, double scale, const OrbOptions& orb, int views,
               ReferenceViews& made) {
   cv::Mat small, padded;
@@ -118,7 +118,7 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
     addViews(picture.image, scale, options, views, made);
   }
 
-  // The image itself comes first; its keypoints become those of the reference.
+  // The first entry is the image itself, whose keypoints become the keypoints of the reference.
   Features own = std::move(made.front().features);
   for (cv::KeyPoint& keypoint : own.keypoints) keypoint.pt -= cv::Point2f(kBorder, kBorder);
   own.image_size = picture.image.size();

@@ -15,11 +15,11 @@ struct StoredTarget;
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, at most the largest side
-  std::vector<cv::Mat> halves;  ///< `image` at half of its size, a quarter ...
+  std::vector<cv::Mat> halves;  ///< `image` at a half, a quarter and so on of its size
   cv::Size full_size;           ///< size of the given image, px
   double scale = 1.0;           ///< factor from `image` to the given image
   growth::ReferenceFrames frames;
-  std::size_t own = 0;            ///< keypoints of the image itself; those of its views follow
+  std::size_t own = 0;            ///< number of keypoints of `image`; keypoints of its views follow
   StoredTarget* owner = nullptr;  ///< null: not in a store
 };
 
@@ -29,13 +29,12 @@ struct TargetPicture {
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 
-/// `picture.image` with another size. `method`: cv::INTER_AREA moves nothing; cv::INTER_LINEAR
-/// takes less time.
+/// Resizes `picture.image`. `method`: cv::INTER_AREA shifts nothing, cv::INTER_LINEAR is faster.
 void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
             cv::Mat& small);
 
 Eigen::Vector2d middleOf(const cv::Size& image);
-/// Width and height of an image where the homography moves its middle to, px.
+/// Width and height of an image after the homography, by the scale at its middle, px.
 cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image);
 
 /// Given image -> `picture.image`, px.

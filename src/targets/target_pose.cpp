@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kMostMisfit = 9.21;  // chi-square of two degrees of freedom, 99 %
 
-/// The numbers of points that are `apart` px or more from each other, in x or in y.
+/// Indices of points that are `apart` px or more from each other, in x or in y.
 std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
   std::vector<std::size_t> chosen;
   chosen.reserve(points.size());
@@ -53,21 +53,21 @@ struct TargetPose::Impl {
   homography::HomographyRefiner refiner;
 };
 
-/// The homography of the rectified pairs; empty if they do not agree.
+/// The homography of the pairs without lens distortion; empty if the pairs do not agree.
 std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
                                                                const Lens& lens) {
-  constexpr double kPatchSide = 15.0;  // px, side of a patch, about
+  constexpr double kPatchSide = 15.0;  // approximate side of a patch, px
   points.clear();
   for (const Eigen::Vector2d& p : target.pairs.target) {
     points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
   }
   lens.rectify(points);
-  // Patches of the alignment that overlap share their noise, so they count once.
+  // Overlapping patches of the alignment share their noise, so only one of them counts.
   const double apart = target.aligned ? kPatchSide : 0.0;
   pairs.clear();
   pairs.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
   for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
-    if (std::isnan(points[i].pt.x)) continue;  // beyond the range of the lens
+    if (std::isnan(points[i].pt.x)) continue;  // the lens model does not cover this point
     pairs.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y}, target.pairs.quality[i]);
   }
   prosac.estimate(pairs, target.image_size, target.homography.homography, result);
@@ -130,7 +130,7 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   };
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
-  // Errors larger than claimed would be taken for the shutter's, and may leave no minimum.
+  // The fit would explain errors beyond the covariance by the shutter, and might have no minimum.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

@@ -36,8 +36,7 @@ void requireNames(const Target& target) {
   }
 }
 
-/// The fault of a picture with fewer than the fewest keypoints, which need some room
-/// between the borders.
+/// Why a picture has fewer than kFewestKeypoints: little texture, or little room between borders.
 std::string whyFewKeypoints(const TargetPicture& picture) {
   constexpr int kNarrow = 40;  // px, shorter side
   const std::string count = std::to_string(picture.own) + " keypoints; expected " +

@@ -15,7 +15,7 @@ struct StoredTarget {
   std::string id;
   double width = 0.0;
   std::string frame;
-  std::string ambiguity;                ///< see ambiguityOf(); of the first picture that has one
+  std::string ambiguity;                ///< ambiguityOf() the first ambiguous picture
   std::vector<std::uint32_t> pictures;  ///< numbers in the store
 };
 
@@ -24,8 +24,8 @@ class TargetStore {
  public:
   explicit TargetStore(const TargetFinderOptions& options) : options_(options) {}
 
-  /// The pictures of `target` with `views` each; those for add() have as many as the options say.
-  /// Throws std::invalid_argument with the reason if they cannot be targets.
+  /// Makes the pictures of `target` with `views` views each; add() expects the number of the
+  /// options. Throws std::invalid_argument with the reason if they cannot be targets.
   std::vector<TargetPicture> prepare(const Target& target, int views) const;
   StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
   void remove(const StoredTarget& target);
@@ -39,7 +39,7 @@ class TargetStore {
   TargetIndex& index() { return index_; }
 
  private:
-  /// The first of `count` free numbers in a row.
+  /// The first of `count` successive free numbers.
   std::uint32_t freeNumbers(std::size_t count) const;
 
   const TargetFinderOptions& options_;

@@ -13,8 +13,8 @@ struct Track {
   const StoredTarget* target = nullptr;
   std::uint32_t picture = 0;
   int instance = 0;
-  int age = 0;     ///< frames in which it was seen one after the other
-  int unseen = 0;  ///< frames since then
+  int age = 0;     ///< successive frames in which the instance was seen
+  int unseen = 0;  ///< frames since the instance was seen
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();   ///< picture's `image` -> frame, px
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< centre of the picture in the frame, px
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< velocity of the centre, px per frame
@@ -25,22 +25,22 @@ struct Track {
 /// Gives each instance of a target a number that stays while the instance is followed.
 class Tracks {
  public:
-  /// Sets the unit: from now on px of frames made larger by `scale`.
+  /// Converts all tracks to px of frames that are enlarged by `scale`.
   void setScale(double scale);
-  /// Whether nothing is followed, or something whose longer side is below 1.5 `side`, px of the
-  /// frame as it was given, or something was lost.
+  /// Whether no instance is followed, one was lost, or the longer side of one is below 1.5 `side`
+  /// (px of the frame as it was given).
   bool needsLargerFrame(double side) const;
   /// Call it before each frame.
   void beginFrame();
-  /// Gives each detection the nearest track of the same target, if it is nearer than the extent;
-  /// otherwise a new track with the lowest free number. The nearest pairs come first, so give it
-  /// all detections at once. Appends the tracks in the order of `found`.
+  /// Assigns each detection to the nearest track of the same target, if the distance is below the
+  /// extent; otherwise to a new track with the lowest free number. The nearest pairs are assigned
+  /// first, so pass all detections at once. Appends the tracks in the order of `found`.
   void assign(const std::vector<FoundTarget>& found, TargetStore& store,
               std::vector<Track>& tracks);
   /// Call it after each frame: forgets instances that were not seen for kMostUnseen frames.
   void endFrame();
 
-  /// Tracks that were seen in the last frame and are not matched in this one so far.
+  /// Tracks that were seen in the last frame and are not matched in this frame so far.
   std::vector<Track> missing() const;
   bool wasSeen(const StoredTarget& target) const;
   void forget(const StoredTarget& target);
@@ -55,7 +55,7 @@ class Tracks {
   double scale_ = 1.0;
 };
 
-/// Where the picture is expected in the next frame.
+/// The homography picture -> frame that is expected in the next frame.
 Eigen::Matrix3d predicted(const Track& track);
 
 }  // namespace ktgp_orb::targets

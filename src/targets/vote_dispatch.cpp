@@ -1,5 +1,5 @@
-// The vector code of the votes: compiled once for each instruction set, one of which is chosen at
-// run time. See kernels/dispatch.cpp.
+// Compiles the vector code of the votes once for each instruction set. The best of these is chosen
+// at run time. See kernels/dispatch.cpp.
 #include "targets/vote_kernel.h"
 #include "util/highway_targets.h"
 

@@ -6,12 +6,12 @@
 
 namespace ktgp_orb::targets {
 
-/// A pair of keypoints and the map that it predicts, as far as the votes depend on it.
+/// A pair of keypoints and the affine map that the pair predicts: all that the votes depend on.
 struct SeedMap {
   float from_x, from_y;  ///< px of the picture
   float to_x, to_y;      ///< px of the frame
-  float log_area;        ///< by which the map scales areas, natural logarithm
-  float xx, xy, yx, yy;  ///< its linear part, row by row
+  float log_area;        ///< natural logarithm of the scale of areas
+  float xx, xy, yx, yy;  ///< linear part of the map, row by row
   float norm;            ///< norm of the linear part
 };
 constexpr std::size_t kSeedMapValues = 10;
@@ -20,12 +20,12 @@ constexpr std::size_t kReadBeyond = 16;
 
 constexpr float kVoteReach = 150.F;          ///< px of the picture
 constexpr float kVoteApart = 8.F;            ///< px; nearer keypoints may show the same corner
-constexpr float kVoteCosine = 0.85F;         ///< between the maps
+constexpr float kVoteCosine = 0.85F;         ///< least cosine between the linear parts of the maps
 constexpr float kVoteLogArea = 0.94F;        ///< a factor of 1.6 in length
 constexpr float kVoteSlack = 4.F;            ///< px of the frame
 constexpr float kVoteRelativeSlack = 0.25F;  ///< share of the distance
 
-/// Whether `voter` is near, lies where the map of `seed` predicts, and has a similar map.
+/// Whether `voter` is near `seed`, lies where the map of `seed` predicts, and has a similar map.
 inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
   const float x = voter.from_x - seed.from_x;
   const float y = voter.from_y - seed.from_y;
@@ -47,19 +47,19 @@ inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
   return product > kVoteCosine * voter.norm * seed.norm;
 }
 
-/// The inner loop of Seeds, one per instruction set; all give the same numbers.
+/// The inner loop of Seeds for one instruction set. All kernels give the same numbers.
 struct VoteKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// How many of `count` voters agree with the seed. `columns`: the first value of SeedMap of all
-  /// voters, `pitch` floats later the second one of all, and so on.
+  /// Counts how many of `count` voters agree with the seed. `columns` has the first value of
+  /// SeedMap of all voters, `pitch` floats later the second value of all voters, and so on.
   std::int32_t (*votes)(const float* columns, std::size_t pitch, std::size_t count,
                         const SeedMap& seed);
 };
 
-/// Plain C++, the reference for the others.
+/// Plain C++, the reference for the other kernels.
 const VoteKernel& portableVoteKernel();
-/// The fastest one that this build and this processor support.
+/// The fastest kernel that this build and this processor support.
 const VoteKernel& bestVoteKernel();
 
 }  // namespace ktgp_orb::targets

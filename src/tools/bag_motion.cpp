@@ -20,7 +20,7 @@ namespace {
 
 constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
 constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
-constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose, twist, their covariances
+constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose, twist and their covariances
 
 std::string header() {
   std::string text = "stamp,status,x,y,z,qx,qy,qz,qw";
@@ -36,7 +36,7 @@ std::string header() {
   return text + ",reason\n";
 }
 
-/// Numbers that are not known are left empty. Without an estimate, the frame was refused.
+/// A row of the table. Unknown numbers are left empty. Without an estimate, the frame was refused.
 std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
                   const std::string& reason) {
   files::CsvRow row;
@@ -68,10 +68,11 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-constexpr double kWentBack = 1.0;  // s; less is jitter, or a publisher that dates ahead
+constexpr double kWentBack = 1.0;  // s; smaller steps back are jitter, or stamps in the future
 
-/// Whether the clock was set back before the message at `place`: all messages before it have later
-/// stamps than all after it. A single wrong stamp, or a publisher that dates ahead, is no restart.
+/// Whether the clock was set back before the message at `place`, so that all messages before it
+/// have later stamps than all messages after it. A single wrong stamp is no restart, and neither is
+/// a publisher whose stamps are in the future.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
   constexpr std::size_t kAround = 100;  // messages, before and after
@@ -160,7 +161,7 @@ std::string ofAnotherType(const bag::Topic& topic, const std::string& expected) 
 
 }  // namespace
 
-/// A topic of another type would look like one without messages.
+/// Throws for a topic of a wrong type, since it would look like a topic without messages.
 void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
   const auto check = [&](const std::string& name, const char* type, const auto& is_right) {
     for (const bag::Topic& topic : messages.topics()) {
@@ -241,7 +242,8 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   rows_ += rowOf(homography.header.stamp, estimate, reason);
 }
 
-/// Reasons that differ by numbers alone, such as a distance, are one. Digits of a name stay.
+/// Counts a reason. Reasons that differ only in numbers, such as a distance, count as the same.
+/// Digits in names are kept.
 void BagMotion::count(bool is_known, const std::string& reason) {
   if (reason.empty()) return;
   static const std::regex number(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");

@@ -17,11 +17,11 @@
 
 namespace ktgp_orb::tools {
 
-/// The table with the motion in metres; empty name: none.
+/// Options of the table with the motion in metres; without a `path`, no table is written.
 struct MotionFile {
   std::string path;
-  std::string range_topic;  ///< empty: range beside the images
-  std::string imu_topic;    ///< empty: imu beside the images
+  std::string range_topic;  ///< empty: "range" beside the images
+  std::string imu_topic;    ///< empty: "imu" beside the images
   GroundMotionConfig config = groundMotionDefaults();
 };
 
@@ -31,28 +31,28 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing for an empty name. `camera` replaces the bag's camera_info, unless it is empty.
-  /// Throws UnusableBag for a bag without a calibration.
+  /// Does nothing without a path of the table. `camera` replaces the bag's camera_info, unless it
+  /// is empty. Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
 
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.
   void close(files::Outputs& outputs);
-  /// Whether a table was wanted, and no frame has a motion.
+  /// Whether a table was wanted but no frame has a motion.
   bool foundNone() const { return !options_.path.empty() && known_ == 0; }
-  /// The outcome in lines for users; empty if nothing was wanted.
+  /// Summary for users in a few lines; empty if no table was wanted.
   std::string report() const;
 
  private:
-  /// Messages of one kind in the order of their stamps, so that one that is dated ahead does not
-  /// delay others. A new part begins where the clock was set back.
+  /// Messages of one kind in the order of their stamps, so that a message with a stamp in the
+  /// future does not delay others. A new part begins when the clock was set back.
   template <typename Message>
   class Readings {
    public:
     Readings() = default;
     Readings(const std::vector<Message>& arrived);  // NOLINT: the same in another order
-    /// Uses and removes all up to `time`. `restarted`: the images have gone on to the next part.
+    /// Uses and removes messages up to `time`. `restarted`: the images have reached the next part.
     template <typename Use>
     void passUntil(const ros::Time& time, bool restarted, const Use& use);
     bool goesOn() const { return parts_.size() > 1; }
@@ -63,7 +63,7 @@ class BagMotion {
 
   void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
-  /// Hands over what was recorded until a little after `time`.
+  /// Passes on the messages that were recorded until a little after `time`.
   void passOn(const ros::Time& time);
   void count(bool is_known, const std::string& reason);
 
@@ -78,10 +78,10 @@ class BagMotion {
   Readings<geometry_msgs::TransformStamped> transforms_;
   ros::Time last_;  // stamp of the newest image
   std::string rows_;
-  /// Faults of frames, by their text without numbers: how many, and the first in full.
+  /// Faults by their text without numbers: how many frames have the fault, and the first full text.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
-  std::string shutter_;             // shutter of the newest frame with motion
-  std::optional<ImuMounting> imu_;  // the last one that was known
+  std::string shutter_;             // shutter report of the newest frame with motion
+  std::optional<ImuMounting> imu_;  // the last known mounting
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };

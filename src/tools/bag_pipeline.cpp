@@ -46,7 +46,7 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     }
     found->set_value(frame);
     FrameConstPtr reference = fixed_;
-    // Tasks start in order, so the previous frame is at least in progress: no deadlock.
+    // Tasks start in order, so the previous frame is in progress and this wait cannot deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference && canMatchAhead(options_.matcher)) {

@@ -13,16 +13,16 @@
 
 namespace ktgp_orb::tools {
 
-/// Processes several images in parallel, as far as an image does not depend on the results of
-/// earlier ones: extracts the features and, unless the reference depends on earlier results
-/// (keyframe mode), matches them. Images come out in their order.
+/// Processes several images in parallel, as far as they do not depend on results of earlier images.
+/// Extracts the features and matches them, unless the reference depends on earlier results
+/// (keyframe mode). Returns the images in their order.
 class FramePipeline {
  public:
-  /// A frame with its features, and its match in advance, without a reference where there is none.
+  /// A frame with features, and its early match, which has no reference if it was not possible yet.
   using Prepared = std::pair<FramePtr, MatchAhead>;
 
   /// `fixed`: the reference of the fixed mode, else null. At least one thread. Throws
-  /// std::system_error or std::bad_alloc for lack of threads or memory.
+  /// std::system_error or std::bad_alloc if threads or memory run out.
   FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
 
@@ -30,7 +30,7 @@ class FramePipeline {
   /// Waits for the oldest image and returns it; throws RefusedImage if it is unusable.
   Prepared pop();
 
-  /// Enough images are in progress to keep all threads busy.
+  /// Whether enough images are in progress to keep all threads busy.
   bool full() const { return results_.size() >= 2 * threads_.size(); }
 
  private:
@@ -54,7 +54,7 @@ class FramePipeline {
   std::deque<Task> tasks_;
   bool closed_ = false;
   std::vector<Worker> workers_;
-  std::vector<std::thread> threads_;  ///< the workers
+  std::vector<std::thread> threads_;  ///< each runs work() of one worker
 };
 
 }  // namespace ktgp_orb::tools

@@ -13,7 +13,7 @@
 
 namespace ktgp_orb::tools {
 
-/// Targets to search in the images; empty path: none.
+/// Options for the targets to search in the images; without a `path`, no targets are searched.
 struct TargetsInput {
   std::string path;                     ///< folder of images, or YAML list
   std::string calibration = "by_name";  ///< kind of the images
@@ -22,24 +22,23 @@ struct TargetsInput {
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 
-/// The files that a folder or list of targets consists of. Throws std::invalid_argument for one
-/// that cannot be used.
+/// All files of a folder or list of targets. Throws std::invalid_argument for an unusable one.
 std::vector<std::string> filesOfTargets(const std::string& path);
 
 /// Finds flat targets in the images of a bag as the nodelet does, but searches all of them in every
 /// image.
 class BagTargets {
  public:
-  /// Does nothing for an empty path. Names every target that is refused, with the reason, on the
-  /// standard error. Throws std::invalid_argument for a list that cannot be used, and FileError if
-  /// no target of it can. `camera` replaces the recording's camera_info, unless it is empty.
+  /// Does nothing without a path. Reports every refused target, with the reason, on the standard
+  /// error. Throws std::invalid_argument for an unusable list, and FileError if none of its targets
+  /// can be used. `camera` replaces the recording's camera_info, unless it is empty.
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
-  /// The message of the nodelet's ~detections; null if nothing was wanted, or if
-  /// the image repeats the one before. Throws RefusedImage.
+  /// The message of the nodelet's ~detections; null if no targets are searched, or if the image
+  /// repeats the previous one. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
-  /// The outcome in a line for users; empty if nothing was wanted.
+  /// Summary for users in one line; empty if no targets are searched.
   std::string report() const;
 
  private:

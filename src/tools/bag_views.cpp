@@ -22,8 +22,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
-constexpr std::size_t kPath = 600;  // frames, within which a keyframe is known
-constexpr double kNoShake = 0.5;    // px, below which nobody sees it
+constexpr std::size_t kPath = 600;  // frames for which a keyframe is kept
+constexpr double kNoShake = 0.5;    // px; less shake is invisible
 
 }  // namespace
 
@@ -122,7 +122,7 @@ void SteadyVideo::writeReady() {
   ready_.clear();
 }
 
-/// Frames of another size begin a path of their own.
+/// The steady path over the whole recording. It restarts when the size of the frames changes.
 std::vector<SteadyFrame> SteadyVideo::wholePath() const {
   std::vector<SteadyFrame> path;
   for (auto begin = frames_.begin(); begin != frames_.end();) {
@@ -150,7 +150,7 @@ void SteadyVideo::writeWhole() {
     const auto recorded = images->next();
     if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
-    // Images that were skipped or refused have no place in the path.
+    // Images that were skipped or refused are not in the path.
     if (stampOf(recorded->image->header.stamp) != path[next].stamp) continue;
     cv::Mat frame;
     try {

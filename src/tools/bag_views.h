@@ -24,26 +24,25 @@
 
 namespace ktgp_orb::tools {
 
-/// Files with views; empty names: none.
+/// Options for the files with views; an empty name means that the file is not written.
 struct ViewOptions {
-  std::string video;  ///< mp4, steady
-  std::string warps;  ///< csv: the frame -> steady picture homography of each frame
-  /// The path over the whole recording (see steadyPath), else the causal one with its lag.
+  std::string video;  ///< mp4: the steady video
+  std::string warps;  ///< csv: the homographies from the frames to the steady picture
+  /// Use the path over the whole recording (see steadyPath), else the causal path with its lag.
   bool whole = true;
   StabilizerOptions stabilizer;
-  double rate = 30.0;        ///< 1/s, of the video
-  std::string mosaic;        ///< png, of the first map; mosaicOf names those of further maps
-  std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
+  double rate = 30.0;  ///< rate of the video, 1/s
+  std::string mosaic;  ///< png of the first map; mosaicOf() names the pictures of further maps
+  std::string mosaic_poses;  ///< csv: the homographies from the map to the frames
   MosaicOptions map;
 };
 
-/// Adds --stabilize, --mosaic and what belongs to them.
+/// Adds --stabilize, --mosaic and the options that belong to them.
 void addViewOptions(CLI::App& app, ViewOptions& views);
-/// To be called after parsing. Throws std::invalid_argument for options that this build cannot
-/// fulfil.
+/// Call this after parsing. Throws std::invalid_argument for options that this build lacks.
 void completeViewOptions(const CLI::App& app, ViewOptions& views);
 
-/// Opens the recording again, from its beginning.
+/// Function that opens the recording again, from its beginning.
 using Reopen = std::function<std::unique_ptr<ImageSource>()>;
 
 /// Writes the steady video of a recording. For the path over the whole recording, the images are
@@ -52,15 +51,15 @@ class SteadyVideo {
  public:
   SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
-  /// The next image of `size`, at `stamp` ns, and its homography from the reference, if found.
+  /// Adds the next image, at `stamp` ns, and its homography from the reference, if there is one.
   /// Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
-  /// Repeats the image before, so that the video keeps its rate.
+  /// Repeats the previous image, so that the video keeps its rate.
   void repeat();
-  /// Completes the files; without images they are not written. Throws FileError.
+  /// Completes the files, which are not written without images. Throws FileError.
   void close();
-  /// The outcome in a line for users.
+  /// Summary for users in one line.
   std::string report() const;
 
  private:
@@ -68,7 +67,7 @@ class SteadyVideo {
     std::int64_t stamp = 0;
     cv::Size size;
     std::optional<Eigen::Matrix3d> step;  ///< from the previous frame
-    int repeats = 0;                      ///< repetitions of its image
+    int repeats = 0;                      ///< how often the image was repeated
   };
   struct Waiting {
     cv::Mat image;
@@ -97,7 +96,7 @@ class SteadyVideo {
   std::vector<Frame> frames_;  ///< frames of the whole recording
 
   Stabilizer stabilizer_;
-  /// Frames whose position is not known yet, and their steps.
+  /// Frames whose place on the path is not known yet, by their stamps.
   std::map<std::int64_t, Waiting> waiting_;
   std::vector<SteadyFrame> ready_;
 
@@ -117,18 +116,18 @@ std::string mosaicOf(const std::string& path, std::size_t number);
 /// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
 class BagViews {
  public:
-  /// `reopen`: for the steady video. `outputs` must live longer.
+  /// `reopen` is needed for the steady video. `outputs` must outlive this object.
   BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
-  /// The next image, with its homography. Throws RefusedImage and FileError.
+  /// Adds the next image with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
-  /// Repeats the image before.
+  /// Repeats the previous image.
   void repeat() {
     if (steady_) steady_->repeat();
   }
   /// Completes the files; a file without images is not written. Throws FileError.
   void close();
-  /// The outcome in lines for users; empty if nothing was wanted.
+  /// Summary for users in a few lines; empty if no views were wanted.
   std::string report() const;
 
  private:
@@ -141,8 +140,8 @@ class BagViews {
   std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t repeated_ = 0;  // lost frames on ground that repeats
-  std::size_t zoomed_ = 0;    // lost frames beyond the range of scales
+  std::size_t repeated_ = 0;  // frames lost on repetitive ground
+  std::size_t zoomed_ = 0;    // frames lost beyond the range of scales
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

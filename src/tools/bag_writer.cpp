@@ -17,10 +17,10 @@ namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kStages = 4;
-constexpr int kExact = 17;  // digits
+constexpr int kExact = 17;  // digits that reproduce every double
 constexpr int kUnknowns = 6;
 
-/// The columns of one motion.
+/// Names of the columns of one motion.
 std::string motionColumns(const std::string& prefix) {
   const char* const axes[kUnknowns] = {"tx", "ty", "tz", "rx", "ry", "rz"};
   std::string text;
@@ -120,7 +120,7 @@ MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const s
 }
 
 MatchWriter::~MatchWriter() {
-  // Its destructor closes it and throws if the disk is full, which would end the program.
+  // The bag's destructor closes it and throws if the disk is full, which would end the program.
   try {
     if (bag_) bag_->close();
   } catch (const std::exception&) {
@@ -144,7 +144,7 @@ void MatchWriter::close() {
 
 template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
-  message.header.seq = sequence_[topic]++;  // like a publisher
+  message.header.seq = sequence_[topic]++;  // counts like a publisher
   try {
     bag_->write(topic, time, message);
   } catch (const rosbag::BagException& error) {

@@ -13,14 +13,14 @@
 
 namespace ktgp_orb::tools {
 
-/// A stamp in a table: "sec.nsec".
+/// The text of a stamp in a table: "sec.nsec".
 std::string textOf(const ros::Time& time);
 
 /// Writes the results to a bag, on the topics of the nodelet, and to a table.
 class MatchWriter {
  public:
-  /// `prefix`: of the topics, for example "/camera/matcher". `csv`: path of the table, "-":
-  /// standard output, empty: none. `outputs` must live longer. All functions throw
+  /// `prefix`: prefix of the topics, for example "/camera/matcher". `csv`: path of the table; "-":
+  /// standard output; empty: no table. `outputs` must outlive this object. All functions throw
   /// std::runtime_error with the name of a file that cannot be written.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
               files::Outputs& outputs);
@@ -29,10 +29,10 @@ class MatchWriter {
   MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
-  /// Writes nothing for null. `topic`: the whole name.
+  /// Writes nothing for null. `topic`: the full name of the topic.
   void write(const std::string& topic, const TargetDetectionsPtr& detections,
              const ros::Time& time);
-  /// An image that is no frame has a line only in the table; `status`: refused or repeated.
+  /// Writes a line only in the table, for an image that is no frame. `status`: refused or repeated.
   void writeUnused(const std_msgs::Header& header, const std::string& status,
                    const std::string& reason);
 

@@ -1,4 +1,4 @@
-// Matches the images of a recording without playing it: uses all cores, drops no image, and gives
+// Matches the images of a recording without playing it. Uses all cores, drops no image, and gives
 // the same messages as the nodelet.
 
 #include <cv_bridge/cv_bridge.h>
@@ -52,11 +52,11 @@ struct Arguments {
   bool overlay = false;
   std::string draw;
   double rate = 0.0;     ///< 1/s; 0: the times of the recording
-  int longest_side = 0;  ///< longest side of images of a pattern, px; 0: as they are
+  int longest_side = 0;  ///< limit for images of a pattern, px; 0: none
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
-  std::vector<double> camera;  ///< fx, fy, cx, cy, px; empty: camera_info of the bag
+  std::vector<double> camera;  ///< fx, fy, cx, cy, px; empty: use the bag's camera_info
   bool force = false;
   bool skip_finished = false;
   Parameters parameters;
@@ -84,27 +84,27 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   return openBag(arguments.in, arguments.selection);
 }
 
-/// The camera of --camera, for the images of the recording; empty: it was not given.
+/// The camera of --camera, for the images of the recording; empty if the option was not given.
 std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   const auto camera = cameraFrom(arguments.camera);
   if (!camera) return std::nullopt;
   sensor_msgs::CameraInfo info;
   const auto first = openInput(arguments)->next();
-  if (!first || !first->image) return std::nullopt;  // the run says what is wrong with the image
+  if (!first || !first->image) return std::nullopt;  // the run will report what is wrong
   info.width = first->image->width;
   info.height = first->image->height;
   info.distortion_model = "plumb_bob";
   for (int i = 0; i < 9; ++i) info.K[static_cast<std::size_t>(i)] = (*camera)(i / 3, i % 3);
-  lensFrom(info);  // refuses a K that cannot be right
+  lensFrom(info);  // refuses an impossible K
   return info;
 }
 
-/// Namespace of the output: beside the image topic, as for the nodelet.
+/// Namespace of the output topics: `name` or, as for the nodelet, beside the image topic.
 std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
-/// Rate of the videos that are written.
+/// Rate of the written videos, 1/s.
 double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
   const bool video = kindOf(arguments.in) == InputKind::video;
@@ -169,14 +169,14 @@ class Run {
     views_.close();
     motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
-    writer_.close();  // last: OUT.bag appearing means that all files are complete
+    writer_.close();  // last, since OUT.bag appears when all files are complete
     outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
     const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  /// Says what was done and what could not be used; `code`: what run() returned.
+  /// Reports the results and the unusable images. `code`: the result of run().
   void report(const Arguments& arguments, int code) const {
     std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "")
               << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "
@@ -197,7 +197,7 @@ class Run {
   }
 
  private:
-  /// The findings, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
+  /// Text on the results, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
   std::string successes(std::size_t found) const {
     if (!finds_motions_) return util::counted(found, "homography", "homographies");
     std::string kinds;
@@ -216,10 +216,10 @@ class Run {
     return text;
   }
 
-  /// The outcome in a line.
+  /// Summary in one line.
   std::string summary() const {
     std::size_t found = 0;
-    std::size_t unmatched = 0;  // images without a match, although there is something to match
+    std::size_t unmatched = 0;  // images without a match despite a reference and features
     std::string others;
     for (const auto& [status, count] : statuses_) {
       if (status == Status::ok) {
@@ -244,7 +244,7 @@ class Run {
            others + '\n';
   }
 
-  /// Advice for a recording whose images are seldom; empty for others.
+  /// Advice for a recording with long times between images; empty for others.
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
@@ -280,7 +280,7 @@ class Run {
     progress_.advance("images");
   }
 
-  /// The videos keep the rate of the images.
+  /// Repeats the last picture in the videos, so that they keep the rate of the images.
   void finishRepeated(const std_msgs::Header& header) {
     ++repeated_;
     writer_.writeUnused(header, "repeated", "the image before once more");
@@ -349,7 +349,7 @@ class Run {
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
-  bool finds_motions_;  // motions or other geometries are wanted, too
+  bool finds_motions_;  // two-view geometries are wanted
   bool said_no_motion_ = false;
   bool is_fixed_;
   bool draws_overlay_;
@@ -359,7 +359,7 @@ class Run {
   std::map<Status, std::size_t> statuses_;
   std::map<Geometry, std::size_t> geometries_;
   std::map<Doubt, std::size_t> doubts_;
-  std::vector<double> inliers_;       // where a geometry was found
+  std::vector<double> inliers_;       // of matches with a geometry
   std::vector<double> parallaxes_;    // degrees, of motions
   std::vector<double> milliseconds_;  // times of all images
   std::vector<double> steps_;         // s, from one image to the next
@@ -368,14 +368,14 @@ class Run {
   double max_age_;
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
-      waiting_;                        // in the pipeline; number skipped before
+      waiting_;  // images in the pipeline, each with the number skipped before
   std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;
   std::uint64_t repeated_ = 0;
-  std::string refusal_;  // why the first one was refused
+  std::string refusal_;  // why the first refused image was refused
 };
 
-/// The camera for the two-view geometry; without camera_info there is no motion.
+/// Sets the camera for the two-view geometry; without camera_info there is no motion.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
                const std::optional<sensor_msgs::CameraInfo>& camera, Configuration& configuration) {
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return;
@@ -385,7 +385,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
       const sensor_msgs::CameraInfo info =
           camera ? *camera : readCameraInfo(bag, topic, "geometry " + parameters.geometry);
       configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
-      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
+      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses a bad camera
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {
@@ -430,7 +430,7 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.writeVideo(arguments.views.video);
   plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
-  // The number of maps is not known beforehand; old files are checked.
+  // The number of maps is not known beforehand, so check the name of the second map only.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
   plan.write(arguments.motion.path);
@@ -450,7 +450,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic(), camera);
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
-    // One image after the other is no gap, however seldom they were taken.
+    // The step between neighbouring images is no gap, however long it is.
     constexpr double kPeriods = 1.5;
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
@@ -464,7 +464,8 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   return code;
 }
 
-/// For an option. ros::names::validate also takes names that nobody could subscribe to.
+/// Checks a name in an option. ros::names::validate also accepts names that nobody can subscribe
+/// to.
 CLI::Validator nameOfTopics() {
   const auto check = [](const std::string& text) -> std::string {
     static const std::regex name("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*");
@@ -575,7 +576,7 @@ int run(int argc, char** argv) {
   std::error_code none;  // a name that cannot be used is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
-    std::cerr << arguments.out + " is finished\n";  // at once: others write there
+    std::cerr << arguments.out + " is finished\n";  // one write, since other processes write there
     return tools::kExitDone;
   }
   return matchBag(tools::planOutputs(app, arguments.force), arguments);

@@ -46,7 +46,7 @@ struct Arguments {
   TargetFinderOptions options;
 };
 
-/// The poses in the camera's frame; without a width, in widths of the target.
+/// The poses in the camera's frame, in metres or, if its width is unknown, in widths of the target.
 PlanarPoses posesOf(const DetectedTarget& target, const Eigen::Matrix3d& camera) {
   return planarPoses(target.homography.homography, target.homography.covariance, camera,
                      target.image_size, target.width > 0.0 ? target.width : 1.0);
@@ -81,7 +81,7 @@ json toJson(const DetectedTarget& detection, const std::optional<Eigen::Matrix3d
            {"frame", detection.frame},
            {"ambiguity", detection.ambiguity}};
   out.update(tools::toJson(detection.homography));
-  out.erase("covariance");  // the corners have theirs
+  out.erase("covariance");  // the corners have their own covariance
   if (!camera || detection.status != Status::ok) return out;
   out["poses"] = json::array();
   for (const PlanarPose& pose : posesOf(detection, *camera).poses) {

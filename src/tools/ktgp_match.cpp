@@ -95,7 +95,7 @@ Outcome run(Arguments& arguments) {
   return outcome;
 }
 
-/// One row per nearest neighbour; `level` is the last stage that it passed.
+/// The matches as a table with a row for each nearest neighbour; `level` is the last stage passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.errors[0];

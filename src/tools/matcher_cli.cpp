@@ -16,7 +16,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// False for parameters of the node's services, subscribers and diagnostics.
+/// Returns false for parameters of the node's services, subscribers and diagnostics.
 bool decidesARecording(const ParameterRow& row) {
   return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
@@ -39,8 +39,8 @@ std::vector<double> valueOf(const Covariance8& matrix) {
   return rowsOf(matrix);
 }
 
-/// Two image files have neither camera_info nor a part that a node would cut out. Other parameters
-/// of the stream do not influence the match of two images.
+/// Refuses parameters for images of a stream, since two image files have neither camera_info nor a
+/// part that a node would cut out. Other parameters of the stream do not influence a match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {
@@ -94,7 +94,7 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
   added->default_str(valueText(row, defaults))->group("Parameters: " + row.group);
 }
 
-/// `done` is called with the values after parsing.
+/// Adds an option for each wanted parameter. `done` is called with the values after parsing.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
                 const std::string& preset, const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
@@ -133,8 +133,8 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// A flag may have a value after a blank, like other options: "--gms_rotation true"; and a value
-/// may be empty: "--motion_base_frame=", which CLI11 takes for an option without one.
+/// Rewrites arguments that CLI11 would not understand: the value of a flag after a blank, as in
+/// "--gms_rotation true", and an empty value, as in "--motion_base_frame=".
 std::vector<std::string> completed(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
@@ -247,7 +247,7 @@ CLI::Option* describe(CLI::Option* option, const std::string& nodelet) {
   return option->description(textOf(info));
 }
 
-/// The parameters of the stages and of the stream are many, and few need them.
+/// Hides the many parameters of the stages and of the stream, which few users need.
 void hideRareOptions(CLI::App& app) {
   std::size_t hidden = 0;
   for (CLI::Option* const option : app.get_options([](const CLI::Option* each) {

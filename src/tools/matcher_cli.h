@@ -20,11 +20,11 @@ using ktgp_orb::PipelineOptions;
 /// expected.
 void addParameterOptions(CLI::App& app, Parameters& parameters);
 
-/// The same for the parameters that determine the result for a pair of images. `preset` is used
-/// where the command line has neither --preset nor --params; empty: none.
+/// Adds options for the parameters that determine the result for a pair of images. `preset` is used
+/// if the command line has neither --preset nor --params; empty: no preset.
 void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
 
-/// The parameters of addPipelineOptions by their names.
+/// The values of the parameters of addPipelineOptions, by name.
 nlohmann::json toJson(const PipelineOptions& options);
 
 /// The matrix as three rows.
@@ -35,7 +35,7 @@ std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& mat
   const Eigen::Matrix<double, Size, Size, Eigen::RowMajor> rows = matrix;
   return {rows.data(), rows.data() + rows.size()};
 }
-/// The fields of an answer by their names.
+/// The fields of an answer, by name.
 nlohmann::json toJson(const UncertainHomography& answer);
 
 /// The text of a document; bytes that are not UTF-8, as in a file name, are replaced.
@@ -47,21 +47,21 @@ void addCommonOptions(CLI::App& app, bool& force);
 /// Adds an option fx,fy,cx,cy: K of an image without distortion, px.
 CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
                              const std::string& text);
-/// K of such an option; empty: it was not given.
+/// K from the values of such an option; empty if the option was not given.
 std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 
-/// For an option: refuses values that are not a number in the range, including NaN.
+/// Refuses values of an option that are not a number in the range, including NaN.
 CLI::Validator numberIn(const Limits& range);
 
 /// Gives the option "--X_name" the text, unit, range and choices of the nodelet's parameter "name".
-/// Throws std::invalid_argument as parameterOf does.
+/// Throws std::invalid_argument like parameterOf.
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
 /// Parses the command line. Returns the exit code, or empty to continue: 0 after --help or
 /// --version, 2 for anything unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-/// To be called after parse(): the plan knows every value of the command line.
+/// Makes the plan from every value of the command line, so call this after parse().
 files::OutputPlan planOutputs(const CLI::App& app, bool force);
 
 }  // namespace ktgp_orb::tools

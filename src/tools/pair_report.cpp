@@ -18,17 +18,17 @@ namespace {
 
 using nlohmann::json;
 
-/// A standard deviation of a corner above this, px, gets a warning: this is the largest error with
-/// which a match still counts as right.
+/// Standard deviation of a corner, px, above which we warn. It is the largest error with which a
+/// match still counts as correct.
 constexpr double kUncertainCorner = 3.0;
 
-/// Why a stage has no numbers; empty: it ran.
+/// Why a stage has no numbers; empty if it ran.
 const char* whyNotRun(const StageResult& stage, const MatcherOptions& options) {
   if (stage.id == StageId::gms && !options.gms.enabled) return "off";
   return stage.id >= StageId::prosac && stage.milliseconds == 0.0 ? "not needed" : "";
 }
 
-/// Remarks on a stage beside its numbers.
+/// A remark that is printed beside the numbers of a stage.
 std::string noteOn(const StageResult& stage, const MatchResult& result,
                    const MatcherOptions& options) {
   switch (stage.id) {
@@ -93,7 +93,7 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
   }
 }
 
-/// The corners of the part of A that B shows, px of A; of all of A where that is not known.
+/// The corners of the part of A that B shows, or of all of A if that part is not known; px of A.
 std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   const Eigen::Matrix3d& h = outcome.pair.match.answer.homography;
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
@@ -121,7 +121,7 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   return common;
 }
 
-/// The largest standard deviation in B of a corner of what both images show, px.
+/// The largest standard deviation in B of a corner of the common part, px.
 double cornerDeviation(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   const UncertainHomography& answer = outcome.pair.match.answer;
   double largest = 0.0;
@@ -141,7 +141,7 @@ double areaOf(const std::vector<cv::Point2f>& points) {
   return cv::contourArea(hull);
 }
 
-/// Why the homography is uncertain, by what the inliers show.
+/// Why the homography is uncertain, judged by the inliers.
 std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   constexpr std::size_t kFew = 50;
   constexpr double kPart = 0.5;
@@ -174,7 +174,7 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   return util::joined(causes, ", ");
 }
 
-/// Advice where nothing was found, with the reason.
+/// Advice and reason if nothing was found.
 std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.pair.match.status == Status::too_few_features) {
@@ -210,7 +210,7 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
                 pose.rotation(row, 2), pose.translation[row]);
   }
   if (!covariance.allFinite()) return;
-  const double degrees = 180.0 / CV_PI;  // over all axes
+  const double degrees = 180.0 / CV_PI;  // rad to degrees; the deviations below combine all axes
   const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   std::printf("standard deviation: rotation %.3f degrees, direction %s\n",
               degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()),
@@ -354,7 +354,7 @@ void print(const Outcome& outcome, const PipelineOptions& options) {
   printHomography(outcome, options);
 }
 
-/// A stage that chooses matches, with their distances and, where the truth is known, their errors.
+/// A stage that chooses matches, with their distances and, if the truth is known, their errors.
 json matchingStage(const Outcome& outcome, std::size_t i) {
   json stage = toJson(outcome.pair.match.stages[i]);
   stage["descriptor_distance"] = toJson(outcome.distances[i]);

@@ -18,13 +18,13 @@ struct Outcome {
   std::string target_file;
   PairMatch pair;
   MatchHints hints;
-  // Errors of the matches left after each of the four stages:
+  // Statistics of the matches that remain after each of the four stages:
   std::array<metrics::ErrorSummary, 4> distances;  ///< distances of the descriptors
-  std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without one
+  std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without it
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// The points of the scene that the final matches show; empty without a motion.
+/// The points of the scene that the final matches show; empty if no motion was found.
 std::vector<ScenePoint> pointsOf(const Outcome& outcome);
 
 /// Prints the outcome to the standard output.

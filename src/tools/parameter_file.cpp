@@ -9,9 +9,9 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// The map with the parameters.
+/// The map with the parameters, which may be nested in other maps.
 YAML::Node parametersIn(YAML::Node node) {
-  constexpr int kDeepest = 16;  // limit for a map that contains itself
+  constexpr int kDeepest = 16;  // limit, since a map may contain itself
   for (int depth = 0; node.IsMap(); ++depth) {
     if (depth > kDeepest) {
       throw std::invalid_argument(
@@ -19,7 +19,7 @@ YAML::Node parametersIn(YAML::Node node) {
     }
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
-    } else if (node.size() == 1 && node.begin()->second.IsMap()) {  // below a namespace
+    } else if (node.size() == 1 && node.begin()->second.IsMap()) {  // within a namespace
       node.reset(YAML::Node(node.begin()->second));
     } else {
       break;
@@ -29,13 +29,13 @@ YAML::Node parametersIn(YAML::Node node) {
 }
 
 void readYaml(const std::string& text, Parameters& parameters) {
-  // Parameters of the node that do not affect results: read once at start.
+  // Parameters that the node reads once at start and that do not affect results.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(YAML::Load(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
-    // Maps are groups of dynamic_reconfigure or parameters of plugins.
+    // Skip maps, which are groups of dynamic_reconfigure or parameters of plugins.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
@@ -62,7 +62,7 @@ void readNamed(const std::string& name, const std::string& text, Parameters& par
 }  // namespace
 
 void readParameterFile(const std::string& file, Parameters& parameters) {
-  constexpr std::size_t kMost = 1 << 20;  // bytes; a device may be endless
+  constexpr std::size_t kMost = 1 << 20;  // bytes; a device file may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
   in.read(text.data(), static_cast<std::streamsize>(text.size()));

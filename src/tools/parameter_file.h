@@ -18,7 +18,7 @@ void readPreset(const std::string& name, Parameters& parameters);
 
 /// The text of each config/NAME.yaml, by its name.
 const std::map<std::string, std::string>& presets();
-/// "ktgp, robust"
+/// The names of all presets, for example "ktgp, robust".
 std::string namesOfPresets();
 
 }  // namespace ktgp_orb::tools

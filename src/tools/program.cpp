@@ -22,7 +22,7 @@ int fail(const char* name, const char* message) {
 void handleSignals(void (*handler)(int)) {
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
-  // nohup ignores SIGHUP, and so do we.
+  // If nohup has made the process ignore SIGHUP, keep ignoring it.
   if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
 }
 
@@ -42,10 +42,9 @@ int runAndReport(const char* name, const std::function<int()>& program) {
 }  // namespace
 
 int runProgram(const char* name, const std::function<int()>& program) {
-  // A reader that has seen enough ("| head") must not leave half a file: the other outputs are
-  // completed.
+  // If the reader of our output ends early ("| head"), we still complete the other outputs.
   std::signal(SIGPIPE, SIG_IGN);
-  // A file beyond the limit of the shell (ulimit -f) is then an error of writing, with its reason.
+  // A file beyond the limit of the shell (ulimit -f) then gives a write error with its reason.
   std::signal(SIGXFSZ, SIG_IGN);
   const int code = runAndReport(name, program);
   std::cout.flush();

@@ -9,11 +9,11 @@ namespace ktgp_orb::tools {
 
 /// Exit codes of all programs.
 constexpr int kExitDone = 0;           ///< everything was done
-constexpr int kExitUnusedData = 1;     ///< some of the data could not be used; messages name it
+constexpr int kExitUnusedData = 1;     ///< some data could not be used; messages say which
 constexpr int kExitUnusable = 2;       ///< options, inputs or outputs cannot be used
 constexpr int kExitInterrupted = 130;  ///< Ctrl-C, as a shell reports it
 
-/// The same as text for --help.
+/// The exit codes as text for --help.
 constexpr const char* kExitCodes =
     "Exit code: 0 done, 1 some of the data could not be used (it is named), 2 options, inputs or\n"
     "outputs cannot be used, 130 interrupted (Ctrl-C).";
@@ -27,23 +27,23 @@ int runProgram(const char* name, const std::function<int()>& program);
 void stopWhenInterrupted();
 bool interrupted();
 
-/// These signals end the program at once with kExitInterrupted. For programs that write their files
-/// at the end.
+/// After this call, the signals end the program at once with kExitInterrupted. For programs that
+/// write their files at the end.
 void exitWhenInterrupted();
 
 /// A progress bar or a status line on stderr, only on a terminal. Can be used from several threads.
 class ProgressBar {
  public:
-  /// `total` 0: not known; only the count is shown.
+  /// If `total` is 0, it is not known, and only the count is shown.
   explicit ProgressBar(std::size_t total);
   /// Removes the bar.
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  /// Counts one more; `what` is shown beside the bar.
+  /// Counts one more item, and shows `what` beside the bar.
   void advance(const std::string& what);
-  /// Shows `what` alone.
+  /// Shows `what` without a bar.
   void say(const std::string& what);
 
  private:

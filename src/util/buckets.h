@@ -6,11 +6,11 @@
 
 namespace ktgp_orb::util {
 
-/// The numbers 0 .. n - 1 sorted by bucket (a counting sort); those of a bucket stay ascending.
+/// Sorts the numbers 0 .. n - 1 by bucket (a counting sort); numbers in one bucket stay ascending.
 /// Keeps its buffers.
 class Buckets {
  public:
-  /// `bucket_of(i)`: of number i of `count`, below `buckets`.
+  /// `bucket_of(i)`: bucket of number i, below `buckets`. There are `count` numbers.
   template <typename BucketOf>
   void sort(std::size_t count, std::size_t buckets, const BucketOf& bucket_of) {
     bucket_.resize(count);
@@ -21,7 +21,7 @@ class Buckets {
     }
     std::uint32_t sum = 0;
     for (std::uint32_t& start : start_) start = sum += start;
-    // From the back: the end of each bucket moves to its beginning.
+    // Filling from the back moves start_ from the end of each bucket to its beginning.
     order_.resize(count);
     for (std::size_t i = count; i-- > 0;) {
       order_[--start_[bucket_[i]]] = static_cast<std::int32_t>(i);
@@ -30,8 +30,8 @@ class Buckets {
 
   /// The numbers, bucket by bucket.
   const std::vector<std::int32_t>& order() const { return order_; }
-  /// Where a bucket begins in order(). That of the next one, or of the number of buckets, is its
-  /// end.
+  /// The place in order() where a bucket begins or ends. begin(number of buckets) is the end of the
+  /// last bucket.
   std::uint32_t begin(std::size_t bucket) const { return start_[bucket]; }
   std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
 

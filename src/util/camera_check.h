@@ -12,11 +12,11 @@
 namespace ktgp_orb::util {
 
 /// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera: finite, with
-/// 0, 0, 1 as its last row, and focal lengths of 0.15 to 50 longer sides of the image, which is a
-/// field of view of 147 to about 1 degree. `image`: its size, px; empty: not known.
+/// 0, 0, 1 as its last row, and focal lengths of 0.15 to 50 times the longer side of the image,
+/// which is a field of view of 147 to about 1 degree. `image`: size of the image, px, or empty.
 template <typename Matrix>
 void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
-  constexpr double kLeast = 0.15;  // below, a lens cannot show a plane as a plane
+  constexpr double kLeast = 0.15;  // with less, a lens cannot show a plane as a plane
   constexpr double kMost = 50.0;   // longer than the telephoto lenses of cameras
   constexpr double kAny = 1e12;    // px
   for (int i = 0; i < 9; ++i) {
@@ -41,8 +41,8 @@ void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
   }
 }
 
-/// Throws std::invalid_argument unless the principal point of `k` is inside the image. `image`: as
-/// above.
+/// Throws std::invalid_argument unless the principal point of `k` is inside the image. `image`: see
+/// requireK().
 template <typename Matrix>
 void requirePrincipalPoint(std::string_view name, const Matrix& k, const cv::Size& image) {
   if (image.empty() ||

@@ -14,8 +14,8 @@ namespace ktgp_orb::util {
 /// image, or not finite, belong to the nearest cell. Keeps its buffers.
 class CellGrid {
  public:
-  /// `point(i)`: position of point i of `count`, px. `side`: of a cell, px, > 0; increased if it
-  /// would make too many cells.
+  /// `point(i)`: position of point i of `count`, px. `side`: side of a cell, px, > 0; it is
+  /// increased if there would be too many cells.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
     constexpr double kMostCells = 1024.0;  // along a side; more would cost more than they save
@@ -32,8 +32,8 @@ class CellGrid {
   /// The points cell by cell, row by row of cells; ascending within a cell.
   const std::vector<std::int32_t>& order() const { return points_.order(); }
 
-  /// The cells that intersect the square of half side `radius` around (x, y) form one run per row
-  /// of cells: calls visit(begin, end) for each such run of order().
+  /// The cells that intersect the square of half side `radius` around (x, y) form one run of
+  /// order() per row of cells. Calls visit(begin, end) for each of these runs.
   template <typename Visit>
   void visitRuns(double x, double y, double radius, Visit visit) const {
     const int left = column(x - radius);
@@ -47,7 +47,7 @@ class CellGrid {
     }
   }
 
-  /// Calls visit(index) for every point of these cells.
+  /// Calls visit(index) for every point of the cells that visitRuns() visits.
   template <typename Visit>
   void visitNear(double x, double y, double radius, Visit visit) const {
     visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
@@ -67,7 +67,7 @@ class CellGrid {
   double per_side_ = 1.0;
   int columns_ = 1;
   int rows_ = 1;
-  Buckets points_;  // by cell
+  Buckets points_;  // points by cell
 };
 
 }  // namespace ktgp_orb::util

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::util {
 
-/// std::printf into a string.
+/// Formats like std::printf, into a string.
 __attribute__((format(printf, 1, 2))) inline std::string format(const char* pattern, ...) {
   va_list values;
   va_start(values, pattern);
@@ -22,7 +22,7 @@ __attribute__((format(printf, 1, 2))) inline std::string format(const char* patt
   return text;
 }
 
-/// "a, b, c"; `separator`: ", ".
+/// Joins texts: "a, b, c" for the separator ", ".
 template <typename Texts>
 std::string joined(const Texts& texts, const char* separator) {
   std::string all;
@@ -30,7 +30,7 @@ std::string joined(const Texts& texts, const char* separator) {
   return all;
 }
 
-/// "640x480"
+/// A size as text, such as "640x480".
 inline std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }

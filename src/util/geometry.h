@@ -4,7 +4,7 @@
 
 namespace ktgp_orb::util {
 
-/// [v]x: crossed(v) w = v × w.
+/// The matrix of the cross product, [v]x: crossed(v) w = v × w.
 inline Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
   Eigen::Matrix3d m;
   m << 0.0, -v.z(), v.y(),  //
@@ -13,7 +13,7 @@ inline Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
   return m;
 }
 
-/// The rotation about a vector by its length.
+/// The rotation about a vector by its length in rad.
 inline Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn) {
   const double angle = turn.norm();
   if (angle == 0.0) return Eigen::Matrix3d::Identity();

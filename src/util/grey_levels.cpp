@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kValues = 65536;
 
-/// The values below and above which `ignored` pixels lie.
+/// The grey values of the dark and the bright end, beyond each of which `ignored` pixels lie.
 std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
   std::vector<std::uint32_t> histogram(kValues, 0);
   for (int y = 0; y < image.rows; ++y) {

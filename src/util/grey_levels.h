@@ -5,10 +5,10 @@
 namespace ktgp_orb::util {
 
 /// Conversion of 16-bit grey values to 8 bits. Cameras deliver 10, 12 or 14 bits in 16; thermal
-/// ones use only a few hundred values.
+/// cameras use only a few hundred values.
 enum class GreyStretch {
-  /// From the frame's own dark end to its bright end, without 0.1 % of the pixels at each: hot
-  /// ones.
+  /// From the dark end to the bright end of the frame's values, without 0.1 % of the pixels at each
+  /// end, which may be hot pixels.
   percentile,
   range,  ///< from 0 to 65535: the same for all frames, so that brightness is comparable
 };

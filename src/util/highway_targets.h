@@ -4,8 +4,8 @@
 // this before any header of Highway.
 //
 // How vector code is written: each loop exists in plain C++ as the reference, and with Highway in a
-// file *-inl.h. dispatch.cpp includes these once for each instruction set, puts the functions into
-// a struct, and chooses one at run time. Tests compare each with the plain loops.
+// file *-inl.h. dispatch.cpp includes these files once for each instruction set, puts the functions
+// into a struct, and chooses one struct at run time. Tests compare each with the plain loops.
 
 // AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4); Highway 1.0 leaves it out by default.
 #define HWY_WANT_AVX3_DL 1
@@ -13,7 +13,7 @@
 // Processors with only SSSE3 are too rare.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 
-// Whether an instruction set has vectors. Without (riscv64, s390x) the plain loops run: Highway's
-// emulation of vectors is slower, and GCC before 12.3 does not compile it. For use after
-// foreach_target.h.
+// Whether an instruction set has vectors. Without vectors (riscv64, s390x) the plain loops run,
+// because Highway's emulation of vectors is slower, and GCC before 12.3 does not compile it. Use
+// this after foreach_target.h.
 #define KTGP_ORB_HAS_VECTORS (HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128)

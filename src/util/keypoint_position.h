@@ -9,8 +9,8 @@
 
 namespace ktgp_orb::util {
 
-/// Keypoints lie on whole pixels of their pyramid level: the standard deviation of the error of a
-/// position, per coordinate, in px of the finest level.
+/// Standard deviation of the rounding error of a keypoint's position, per coordinate, in px of the
+/// finest level. Keypoints lie on whole pixels of their pyramid level.
 constexpr double kKeypointRounding = 0.288675;  // 1/sqrt(12)
 
 [[noreturn]] void refuseKeypoint(const Features& features, std::int32_t index, const char* frame);

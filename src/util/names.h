@@ -4,7 +4,7 @@
 
 namespace ktgp_orb::util {
 
-/// The enumerator's name. The names stand in the order of the enumerators, which count from 0 to
+/// The name of an enumerator. `names` are in the order of the enumerators, which count from 0 to
 /// `kLast`.
 template <auto kLast, std::size_t kCount>
 const char* nameOf(decltype(kLast) value, const char* const (&names)[kCount]) {

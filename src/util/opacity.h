@@ -4,13 +4,13 @@
 
 namespace ktgp_orb::util {
 
-/// Where a picture of four channels, the last of which is opacity, is at least half opaque: 255,
-/// elsewhere 0 (CV_8UC1). Empty if opacity says nothing: it is on one side everywhere, as of
-/// drivers that leave it zero, or there are fewer channels.
+/// Mask (CV_8UC1) of a picture whose fourth channel is opacity: 255 where the picture is at least
+/// half opaque, else 0. Empty if there is no fourth channel, or if all pixels are on one side of
+/// this limit, as with drivers that leave the opacity zero.
 cv::Mat visiblePart(const cv::Mat& picture);
 
-/// Continues the picture smoothly from where `visible` is not 0 to where it is, so that no feature
-/// is there. 8 or 16 bits, any channels; nothing is done for an empty `visible`.
+/// Continues the picture smoothly into the pixels where `visible` is 0, so that no features appear
+/// there. Takes 8 or 16 bits and any number of channels. Does nothing if `visible` is empty.
 void fillHidden(const cv::Mat& visible, cv::Mat& picture);
 
 }  // namespace ktgp_orb::util

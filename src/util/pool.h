@@ -8,23 +8,24 @@
 
 namespace ktgp_orb::util {
 
-/// Hands out objects, and takes each one back with its buffers when its last holder lets it go.
+/// Hands out objects, and takes each one back, with its buffers, when its last holder releases it.
 ///
-/// A shared_ptr frees its control block when nobody holds it any more. Here that block lies beside
-/// the object, so that freeing it says that the object is free, and no new one is allocated. The
-/// lock orders the accesses of the last holder before those of the next; use_count() would not.
+/// A shared_ptr frees its control block when nobody holds it any more. Here the control block lies
+/// beside the object. Freeing it tells the pool that the object is free, and no new block is
+/// allocated. The lock orders the accesses of the last holder before the next ones; use_count()
+/// would not.
 template <typename T>
 class Pool {
  public:
   using Release = void (*)(T&);
 
-  /// `most`: free objects that are kept. `release`: called in the thread of the last holder.
+  /// `most`: number of free objects to keep. `release`: called in the thread of the last holder.
   Pool(std::size_t most, Release release) : state_(std::make_shared<State>()), release_(release) {
     state_->most = most;
     state_->free.reserve(most);
   }
 
-  /// A new object, or one with the content that it had at its end.
+  /// A new object, or a returned object with the content that it had when it was returned.
   std::shared_ptr<T> take() {
     Slot* const slot = state_->take().release();
     return {&slot->object, [release = release_](T* object) { release(*object); },
@@ -58,7 +59,7 @@ class Pool {
     std::size_t most = 0;
   };
 
-  /// Memory for the control block.
+  /// Gives a shared_ptr the block of a slot as memory for its control block.
   template <typename Block>
   struct BlockAllocator {
     using value_type = Block;

@@ -5,7 +5,7 @@
 namespace ktgp_orb::util {
 namespace {
 
-/// Bytes of the printable character at `i`; 0 if there is none.
+/// Number of bytes of the printable character at `i`; 0 if there is none.
 std::size_t printableAt(const std::string& text, std::size_t i) {
   const auto at = [&text](std::size_t k) {
     return k < text.size() ? static_cast<unsigned char>(text[k]) : 0U;

@@ -4,8 +4,8 @@
 
 namespace ktgp_orb::util {
 
-/// Text of a stranger, such as an id or the name of a file, for logs, answers and terminals: what
-/// is not printable UTF-8 becomes \xNN, and only the first `most` bytes are kept.
+/// Makes untrusted text, such as an id or a file name, safe for logs, answers and terminals: bytes
+/// that are not printable UTF-8 become \xNN, and only the first `most` bytes are kept.
 std::string printable(const std::string& text, std::size_t most = 200);
 
 /// The printable text in quotes.

@@ -5,14 +5,14 @@
 
 namespace ktgp_orb::util {
 
-/// Up to 24 rows and columns, without the heap. Eigen compiles every operation anew for each
-/// combination of fixed sizes, which took a minute for one file; functions of this type are
-/// compiled once.
+/// A matrix of up to 24 rows and columns, without heap memory. Eigen compiles every operation anew
+/// for each combination of fixed sizes, which took a minute for one file; functions of this type
+/// are compiled once.
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 24, 24>;
 using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
 
 SmallMatrix times(const SmallRef& a, const SmallRef& b);
-/// The covariance of `slope` times a vector with the covariance `covariance`.
+/// The covariance of `slope` v, if the vector v has the covariance `covariance`.
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
 /// Inverse of a symmetric matrix.
 SmallMatrix inverseOf(const SmallRef& matrix);
@@ -25,7 +25,7 @@ struct LeastSquares {
   SmallMatrix solution;  ///< x with the smallest |b - a x|, for each column of b
   SmallMatrix rest;      ///< b - a x in orthogonal axes: |rest| = |b - a x|
 };
-/// a: more rows than columns.
+/// `a` has more rows than columns.
 LeastSquares leastSquares(const SmallRef& a, const SmallRef& b);
 
 }  // namespace ktgp_orb::util

@@ -57,7 +57,7 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  loop_ = nullptr;  // workers that are still asleep are not waited for
+  loop_ = nullptr;  // this does not wait for workers that still sleep
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });
   lock.lock();

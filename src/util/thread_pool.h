@@ -11,7 +11,7 @@
 namespace ktgp_orb::util {
 
 /// Threads that share the iterations of a loop. The caller works, too, so a pool of one thread
-/// starts none. Allocates only in the constructor. One parallelFor at a time, not nested.
+/// starts no thread. Allocates only in the constructor. parallelFor must not overlap or nest.
 class ThreadPool {
  public:
   /// `threads`: including the caller, >= 0; 0: as many as the machine runs at once.
@@ -45,7 +45,7 @@ class ThreadPool {
 
   std::vector<std::thread> workers_;
   std::atomic<int> next_{0};  // first free iteration
-  std::mutex mutex_;          // guards what follows
+  std::mutex mutex_;          // guards the members below
   std::condition_variable loop_opened_;
   std::condition_variable worker_left_;
   const Loop* loop_ = nullptr;                  // the open loop; if null, late workers sleep again

@@ -18,9 +18,9 @@ namespace {
 using alignment::bestAlignmentKernels;
 
 constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
-constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
+constexpr double kReach = 4.0;       // px, largest distance from the position that H predicts
 
-/// The counter of each outcome, in the order of PatchOutcome; aligned points are in `points`.
+/// Counter of each PatchOutcome, in order; aligned points have none, but are in `points`.
 constexpr std::size_t AlignmentResult::*kCounts[] = {nullptr,
                                                      &AlignmentResult::outside,
                                                      &AlignmentResult::distorted,
@@ -38,7 +38,7 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Largest deviation at a corner, in the image where it is smaller, px.
+/// Largest deviation at an image corner, px, in whichever of the two images gives less.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -48,8 +48,9 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
 }
 
 /// The aligned homography is the answer unless the keypoints determine the corners of the image
-/// better: where patches could be aligned in a small part of the image only, or scatter like
-/// keypoints. Smooth errors of aligned points come from the scene, so the keypoints have them, too.
+/// better. This happens if patches could be aligned only in a small part of the image, or scatter
+/// like keypoints. The smooth errors of aligned points come from the scene and affect keypoints,
+/// too, so the candidate's do not count.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
@@ -76,7 +77,7 @@ struct Alignment::Impl {
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
   double rounding2 = 0.0;                         // sum of AlignedPatch::rounding2, px²
-  std::vector<Eigen::Vector2d> reference_points;  // point of each match in the reference
+  std::vector<Eigen::Vector2d> reference_points;  // keypoints of all matches
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;

@@ -89,7 +89,7 @@ void prepare(const float* patch, PatchTemplate& out) {
   out.yy = product(out.dy, out.dy);
 }
 
-/// 1 4 6 4 1 across and down: 256 times the smoothed value, which fits sixteen bits.
+/// Weights 1 4 6 4 1 across and down give 256 times the smoothed value, which fits sixteen bits.
 void smooth(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window) {
   const auto across = [&](int row, int column) {
     const std::uint8_t* p = pixel + row * stride + column;

@@ -11,19 +11,18 @@ constexpr int kPatchSide = 16;
 constexpr int kPatchBorder = 2;
 /// Side of the reference patch before smoothing.
 constexpr int kWarpSide = kPatchSide + 2 * kPatchBorder;
-/// Length of its rows in memory: whole vectors.
+/// Length of the rows of the reference patch in memory, a multiple of the vector length.
 constexpr std::ptrdiff_t kWarpPitch = 24;
-/// Side of the part of the target in which the patch is moved, after and before smoothing.
+/// Side of the window of the target in which the patch is moved, after and before smoothing.
 constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
 
-/// Sampling on a slanted grid: positions of samples (row, column), in 1/65536 px from the given
-/// pixel.
+/// Positions of samples (row, column) on a slanted grid, in 1/65536 px from the given pixel.
 struct AffineWalk {
   std::int32_t x0, y0;              ///< position of sample (0, 0)
-  std::int32_t x_column, y_column;  ///< to the next column
-  std::int32_t x_row, y_row;        ///< to the next row
+  std::int32_t x_column, y_column;  ///< step to the next column
+  std::int32_t x_row, y_row;        ///< step to the next row
 };
 
 /// A smoothed patch of the reference and its derivatives by x and y, each with its mean subtracted.
@@ -34,14 +33,14 @@ struct alignas(64) PatchTemplate {
   float tt, tx, ty, xx, xy, yy;  ///< sums of products of the value t and the derivatives x, y
 };
 
-/// Sums over a patch of the target's values i and their products with the template's.
+/// Sums over a patch of the target's values i and of their products with the template's t, x, y.
 struct MatchSums {
   float i, ii, ti, xi, yi;
 };
 
-/// The pixel loops of the alignment, one set of functions per instruction set. All give the same
-/// bits: each of sixteen columns has its own sum, the sums are added in a fixed order at the end,
-/// and multiply-adds are not fused.
+/// The pixel loops of the alignment, one set of functions per instruction set. All sets give
+/// bit-identical results: each of sixteen columns has its own sum, the sums are added in a fixed
+/// order at the end, and multiply-adds are not fused.
 struct AlignmentKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
@@ -53,7 +52,7 @@ struct AlignmentKernels {
   /// Smooths the patch (binomial of five, sigma 1), takes its derivatives and sums up the products.
   void (*prepare)(const float* patch, PatchTemplate& out);
 
-  /// Smooths the kRawWindowSide rows and columns from `pixel` on into kWindowSide rows of
+  /// Smooths kRawWindowSide rows and columns, starting at `pixel`, into kWindowSide rows of
   /// kWindowPitch. Four more columns must be readable.
   void (*smooth)(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window);
 
@@ -62,10 +61,10 @@ struct AlignmentKernels {
   MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
 };
 
-/// Weights of a pixel, the one before and the two after, for interpolation at the fraction `f`: a
-/// cubic that moves waves of six pixels and more by less than 0.001 px. Catmull and Rom's would
-/// move them by up to 0.017 px towards whole pixels, always the same way, so that the steps of a
-/// slow camera would add up wrongly.
+/// Weights of a pixel, the pixel before and the two after, for interpolation at the fraction `f`.
+/// This cubic displaces waves of six pixels and more by less than 0.001 px. The cubic of Catmull
+/// and Rom would displace them by up to 0.017 px, always towards whole pixels, so that the errors
+/// of a slow camera's steps would add up.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
@@ -75,14 +74,14 @@ struct CubicWeights {
         last(((0.1F * f + 0.1F) * f - 0.2F) * f) {}
 };
 
-/// The sum of the sums of sixteen columns, in the order that all kernels use.
+/// The total of sixteen column sums, added in the order that all kernels use.
 inline float sumOfColumns(const float* s) {
   float quarter[4];
   for (int i = 0; i < 4; ++i) quarter[i] = (s[i] + s[i + 8]) + (s[i + 4] + s[i + 12]);
   return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
 }
 
-/// Plain C++, the reference for the other sets.
+/// The set in plain C++, which is the reference for the other sets.
 const AlignmentKernels& portableAlignmentKernels();
 /// The fastest set that this build and this processor support.
 const AlignmentKernels& bestAlignmentKernels();

@@ -46,7 +46,7 @@ void LocalMaps::findNeighbours(std::size_t i) {
 
 Eigen::Matrix3d LocalMaps::at(std::size_t i) {
   constexpr int kRounds = 3;
-  constexpr double kPrior = 0.1;  // weight of the similarity relative to that of the neighbours
+  constexpr double kPrior = 0.1;  // weight of the similarity relative to the neighbours
   constexpr double kNear = 2.0;   // px: deviation that halves a neighbour's weight
   findNeighbours(i);
   const Eigen::Vector2d from = (*reference_)[i];

@@ -11,8 +11,7 @@
 
 namespace ktgp_orb::alignment {
 
-/// How the surroundings of every match are mapped from reference to target, where there is no
-/// homography. Keeps its buffers.
+/// Maps the surroundings of each match to the target without a homography. Keeps its buffers.
 class LocalMaps {
  public:
   /// Parallel arrays of matched points, px; `image`: size of the reference.
@@ -20,8 +19,8 @@ class LocalMaps {
             const std::vector<Eigen::Vector2d>& target, const cv::Size& image);
 
   /// The affine map around match `i`, as a homography that takes its reference point to its target
-  /// point: least squares over the twelve matches next to it in the reference, drawn towards their
-  /// similarity. Matches of another depth get less weight.
+  /// point: least squares over the twelve nearest matches in the reference, regularised towards
+  /// their similarity. Matches at another depth get less weight.
   Eigen::Matrix3d at(std::size_t i);
 
  private:
@@ -29,7 +28,7 @@ class LocalMaps {
 
   const std::vector<Eigen::Vector2d>* reference_ = nullptr;
   const std::vector<Eigen::Vector2d>* target_ = nullptr;
-  double spacing_ = 1.0;  // radius of a disc with about as many points as are wanted, px
+  double spacing_ = 1.0;  // radius of a disc with about twelve points, px
   util::CellGrid grid_;
   std::vector<std::pair<double, std::int32_t>> near_;  // squared distance and index
 };

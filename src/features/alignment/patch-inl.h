@@ -128,7 +128,7 @@ void sumProducts(PatchTemplate& patch) {
   patch.yy = yy.total();
 }
 
-// First all columns, then all rows: a load that overlaps two recent stores would wait for both.
+// Columns first, then rows, because a load that overlaps two recent stores would wait for both.
 void prepare(const float* patch, PatchTemplate& out) {
   const hn::CappedTag<float, 8> wide;
   alignas(64) float smooth[kPatchSide][kWarpPitch];

@@ -27,7 +27,7 @@ struct LevelMap {
   }
 };
 
-/// The level that is smaller than level 0 by about `scale`; 0 also where level 0 fits as well.
+/// The level that is smaller than level 0 by about `scale`; 0 if `scale` is below 1.5.
 std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   constexpr double kLeast = 1.5;
   if (scale < kLeast) return 0;
@@ -45,9 +45,9 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Apparent shift of the middle of a patch because H is not affine: the mean over the patch of the
-/// second-order part of H, target px. The patch is warped by `back`, the inverse of H's derivative
-/// at its middle; `w`: third coordinate there; `side`: of the patch, target px.
+/// Apparent shift of a patch because H is not affine, in px of the target: the mean of the
+/// second-order part of H. `back`: inverse of H's Jacobian at the middle of the patch, which warps
+/// it; `w`: third coordinate of the mapped middle; `side`: sides of the patch, px of the target.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -119,8 +119,8 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
   const int y = static_cast<int>(centre.y());
   const Eigen::Vector2d first =
       centre - Eigen::Vector2d(x, y) - back * Eigen::Vector2d(kFirst, kFirst);
-  // The samples' positions are cut to 1/256 px; adding half of that rounds them. Cutting would
-  // displace all patches by 1/512 px, the same way in every frame.
+  // The kernel truncates the positions of the samples to 1/256 px; adding half of that rounds them.
+  // Truncation would displace all patches by 1/512 px, in the same direction in every frame.
   constexpr std::int32_t kHalfStep = 128;
   const AffineWalk walk{fixed(first.x()) + kHalfStep,
                         fixed(first.y()) + kHalfStep,
@@ -140,11 +140,11 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
 /// Second moments of the derivatives of a patch, with gain and bias projected out.
 struct Texture {
-  double sx, sy;  // projections of a gain of 1 onto the derivatives
+  double sx, sy;  // parts of the derivatives that a gain explains, as factors of t
   double xx, xy, yy;
   double determinant;
 
-  /// Empty if the patch has too little texture to locate it.
+  /// Computes the moments; empty if the patch has too little texture to be located.
   static std::optional<Texture> of(const PatchTemplate& patch) {
     constexpr double kLeast = 500.0;  // grey values² per px², summed over the patch
     if (!(patch.tt > kLeast)) return std::nullopt;
@@ -160,8 +160,8 @@ struct Texture {
   }
 };
 
-/// The upper left pixel of the window in which a patch with this corner can move; empty if the
-/// window is not in the image.
+/// The upper left pixel of the window in which a patch with this upper left corner can move; empty
+/// if the window leaves the image.
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
   constexpr double kFar = 1e6;     // far outside any image, but still an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
@@ -177,15 +177,15 @@ std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const
   return Eigen::Vector2i(left, top);
 }
 
-/// How far the patch is from where it fits best, by the sums at its position; empty if they do
-/// not correlate. `correlation`: NCC².
+/// Offset of the patch from the position where it fits best, computed from the sums at its
+/// position; empty if patch and target do not correlate. `correlation`: NCC².
 std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, double tt,
                                         double& correlation) {
   constexpr double kCount = kPatchSide * kPatchSide;
   const double gain = m.ti / tt;
   const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
   if (!(gain > 0.0) || !(variance > 0.0)) return std::nullopt;
-  // With very low contrast, rounding of the single-precision sums may give more than one.
+  // With very low contrast, the rounding of single-precision sums may give a value above 1.
   correlation = std::min(1.0, gain * m.ti / variance);
   const double bx = (m.xi - t.sx * m.ti) / gain;
   const double by = (m.yi - t.sy * m.ti) / gain;

@@ -12,20 +12,20 @@ namespace ktgp_orb::alignment {
 enum class PatchOutcome : std::uint8_t {
   aligned,
   outside,       ///< the patch, or its search window in the target, leaves the image
-  distorted,     ///< H mirrors, compresses or stretches it too much
-  textureless,   ///< too little texture to locate it, in one direction or both
-  unsettled,     ///< the steps did not become small
-  beyond_reach,  ///< it moved too far from the prediction of H
-  uncorrelated,  ///< the patch found looks different
+  distorted,     ///< H mirrors, compresses or stretches the patch too much
+  textureless,   ///< too little texture to locate the patch, in one direction or both
+  unsettled,     ///< the iteration did not converge
+  beyond_reach,  ///< the patch moved too far from the position that H predicts
+  uncorrelated,  ///< the patch at the new position looks different
 };
 
 struct AlignedPatch {
   PatchOutcome outcome = PatchOutcome::outside;
-  Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, the centre of the patch
-  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, its position there
+  Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, centre of the patch
+  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, position of that centre
   double correlation = 0.0;                             ///< NCC², 0..1
-  double rounding2 = 0.0;  ///< variance of the position, px², per coordinate, that comes from grey
-                           ///< values being whole numbers
+  /// Variance of the position per coordinate due to the rounding of grey values to integers, px².
+  double rounding2 = 0.0;
 };
 
 /// Registers single patches of the reference in the target: translation by inverse-compositional
@@ -35,12 +35,13 @@ class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// The grey image pyramids, level 0 first; stored by reference. False if one of them has no
-  /// image: then nothing can be aligned.
+  /// The grey image pyramids, level 0 first; stored by reference. Returns false if a pyramid has no
+  /// image, so that nothing can be aligned.
   bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
   /// `point`: px in the reference; the patch is centred between the four nearest pixels. `reach`:
-  /// px of the target's level, up to (kWindowSide - kPatchSide) / 2 - 2.
+  /// largest distance that the patch may move, px of the target's level, at most (kWindowSide -
+  /// kPatchSide) / 2 - 2.
   AlignedPatch align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point, double reach);
 
  private:

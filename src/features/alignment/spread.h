@@ -14,10 +14,10 @@ namespace ktgp_orb::alignment {
 class PointSpread {
  public:
   /// Writes the indices of up to `wanted` of the `points` (px) to `chosen`, ascending. The image is
-  /// cut into about as many cells. Each cell gives one point at a time, in the order of the input,
-  /// until there are enough. If not all cells can give another point, those that do are spread,
-  /// too. Of nearly coinciding points of a cell, such as a corner found in several octaves, only
-  /// the first counts.
+  /// divided into about `wanted` cells. In each round every cell gives its next point, in the order
+  /// of the input, until there are enough. If the last round has more points than are needed, the
+  /// chosen ones are spread over the cells. If points of a cell nearly coincide, such as a corner
+  /// found in several octaves, only the first counts.
   void choose(const std::vector<Eigen::Vector2d>& points, const cv::Size& image, std::size_t wanted,
               std::vector<std::uint32_t>& chosen);
 
@@ -27,9 +27,8 @@ class PointSpread {
   void dropTwins(const std::vector<Eigen::Vector2d>& points);
 
   util::Buckets cells_;
-  std::vector<std::uint32_t> kept_;  // points without twins, cell by cell
-  std::vector<std::uint32_t>
-      begin_;  // where each cell begins in kept_, and the end of the last one
+  std::vector<std::uint32_t> kept_;   // points without twins, cell by cell
+  std::vector<std::uint32_t> begin_;  // first index of each cell in kept_, then the end
   std::vector<std::uint32_t> round_;
 };
 

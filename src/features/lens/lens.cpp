@@ -20,10 +20,10 @@ bool isFinite(const cv::Matx33d& matrix) {
   return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
 }
 
-/// OpenCV's models have no skew, and would ignore it. A part of an image (roi) need not contain the
-/// principal point.
+/// OpenCV's lens models ignore skew. The principal point may be outside the image, if the image is
+/// a part (roi) of a larger one.
 void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
-  constexpr double kFarthest = 10.0;  // sides of the image
+  constexpr double kFarthest = 10.0;  // as a multiple of the image size
   util::requireK(name, camera, image);
   if (camera(0, 1) != 0.0) {
     throw std::invalid_argument(name + " has skew, " + std::to_string(camera(0, 1)) +
@@ -75,7 +75,7 @@ std::vector<cv::Point2d> raysOf(const LensCalibration& c, const std::vector<cv::
   return rays;
 }
 
-/// Rays (x, y, 1) to pixels.
+/// Maps rays (x, y, 1) to pixels.
 std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv::Point2d>& rays) {
   std::vector<cv::Point2d> pixels;
   if (c.model == LensModel::equidistant) {
@@ -91,7 +91,7 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
 
 constexpr double kNear = 1.0;  // px
 
-/// Near the middle of the image, the distortion of any calibrated lens can be inverted.
+/// Throws if the distortion cannot be inverted near the middle; for any calibrated lens it can.
 void requireInverse(const LensCalibration& c) {
   constexpr double kShare = 0.125;  // share of the image size, from the principal point
   const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
@@ -103,11 +103,12 @@ void requireInverse(const LensCalibration& c) {
 }
 
 // A pixel of a fisheye at 60 degrees from the axis covers 1 / cos² = 4 px of the image without
-// distortion, more than the limit of an inlier. With points up to 75 degrees (15 px) preset slam
-// was sure of a pure turn in 2 of 8 pairs of 200 degrees; up to 60 degrees, in all of them.
+// distortion, more than the limit of an inlier. With points up to 75 degrees (15 px), the preset
+// slam was sure of a pure turn in 2 of 8 image pairs of a 200-degree lens; with points up to 60
+// degrees, in all 8.
 constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 
-/// Range in which larger angles lead farther from the principal point.
+/// Largest angle up to which larger angles lead farther from the principal point, rad.
 double rangeOf(const LensCalibration& c) {
   constexpr int kSteps = 300;
   std::vector<cv::Point2d> rays;

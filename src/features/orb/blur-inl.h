@@ -16,8 +16,8 @@ using Floats = hn::Rebind<float, Words>;
 using Integers = hn::RebindToSigned<Words>;
 using Bytes8 = hn::Repartition<std::uint8_t, Words>;
 
-// Pixels are processed in words of four: a block is a register of words, and its values are in four
-// registers: the first bytes of all words, the second ones, and so on. Splitting and joining words
+// Pixels are processed as words of four bytes. The values of a register of words are in four
+// registers: the first bytes of all words, the second bytes, and so on. Splitting and joining words
 // is cheaper than widening and narrowing bytes.
 constexpr int kPixelsPerWord = 4;
 

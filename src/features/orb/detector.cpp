@@ -21,8 +21,8 @@ float arcTangent(float ratio) {
   return (((kP7 * square + kP5) * square + kP3) * square + kP1) * ratio;
 }
 
-// `whole` - angle if wanted, else the angle, which is not negative. Without a branch, since the
-// branch would be unpredictable.
+// Returns `whole` - angle if wanted, else the angle, which is not negative. There is no branch,
+// because it would be unpredictable.
 float reflected(float angle, float whole, bool wanted) {
   const float sign[] = {1.f, -1.f};
   const float base[] = {0.f, whole};
@@ -31,8 +31,8 @@ float reflected(float angle, float whole, bool wanted) {
 
 }  // namespace
 
-// Three rows of FAST scores move down the image. A row has one more score on each side than pixels
-// are reported, for the neighbours of the first and the last.
+// Three rows of FAST scores move down the image. A row has one extra score on each side, since the
+// first and the last reported pixel need neighbours.
 void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners) {

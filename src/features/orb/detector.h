@@ -8,15 +8,16 @@
 
 namespace ktgp_orb::orb {
 
-/// Memory of one thread for fastCorners.
+/// Buffers of fastCorners for one thread.
 struct FastScratch {
   std::vector<std::uint8_t> scores;
   std::vector<std::int32_t> maxima;
 };
 
 /// Appends the FAST-9 corners of the rows [first_row, last_row) of `image` after non-maximum
-/// suppression, row by row and from left to right, with their FAST score as response. Only corners
-/// at least kEdgeMargin px from the border; the image and the rows must be larger than that.
+/// suppression, row by row and from left to right, with their FAST score as response. All corners
+/// are at least kEdgeMargin px from the border; the image must be larger than these margins, and
+/// the rows must lie between them.
 void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners);
@@ -32,11 +33,11 @@ inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
   return kernels.harris(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
 }
 
-/// Angle of the vector (x, y) in degrees in [0, 360], to about 0.01; 0 for the null vector.
+/// Angle of the vector (x, y) in degrees in [0, 360], accurate to 0.01; 0 for the null vector.
 ///
-/// The polynomial of cv::fastAtan2; equal to it, bit for bit, on x86-64. OpenCV's own result
-/// depends on the compiler: GCC for arm64 fuses multiplications with additions, and four angles in
-/// a hundred differ in the last bit.
+/// Uses the polynomial of cv::fastAtan2, and equals its result bit for bit on x86-64. OpenCV's own
+/// result depends on the compiler: GCC for arm64 fuses multiplications with additions, so that four
+/// angles in a hundred differ in the last bit.
 float vectorAngle(float y, float x);
 
 /// Angle, in degrees in [0, 360), of the vector from a pixel to the intensity centroid around it

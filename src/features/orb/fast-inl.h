@@ -1,4 +1,4 @@
-// FAST-9 and non-maximum suppression, a register of pixels at a time. No include guard:
+// FAST-9 and non-maximum suppression for a whole register of pixels at once. No include guard:
 // dispatch.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
@@ -16,9 +16,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::ScalableTag<std::uint8_t>;
 using ByteVector = hn::Vec<Bytes>;
 
-// The largest grey value that all pixels of some arc of nine neighbours reach.
+// For each pixel, the largest grey value that some arc of nine neighbours reaches throughout.
 //
-// The arcs that start at an even neighbour and at the next one share eight neighbours:
+// Two arcs that start at an even neighbour and at its successor share eight neighbours:
 // max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
 HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   ByteVector ends[8];
@@ -37,17 +37,17 @@ HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   return nine[0];
 }
 
-// True for pixels without a dark arc: the first and the last pixel of a dark arc of nine are
-// opposite each other, and both are dark. The other pixels have no bright arc, which has one pixel
-// of every opposite pair.
+// True for pixels that cannot have a dark arc. An arc of nine contains at least one pixel of every
+// opposite pair, and both pixels of one pair. So a dark arc needs an opposite pair that is dark,
+// and if there is one, there is no bright arc.
 HWY_INLINE hn::Mask<Bytes> canOnlyBeBright(const ByteVector (&p)[16], ByteVector centre) {
   ByteVector least = hn::Max(p[0], p[8]);
   for (int i = 1; i < 8; ++i) least = hn::Min(least, hn::Max(p[i], p[i + 8]));
   return least > centre;
 }
 
-// Any arc of nine contains two neighbouring compass points. Without such a pair with enough
-// contrast there is no corner here.
+// Any arc of nine contains two neighbouring compass points. So there is no corner without such a
+// pair of enough contrast.
 HWY_INLINE bool mayHoldCorner(ByteVector south, ByteVector east, ByteVector north, ByteVector west,
                               ByteVector centre, ByteVector threshold) {
   const auto brightest = hn::Min(hn::Max(south, north), hn::Max(east, west));
@@ -109,8 +109,9 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    // Three rounds in any case, since a register seldom has more maxima and a branch that depends
-    // on their number is often mispredicted. A round without a maximum writes, but does not count.
+    // There are always at least three rounds, since a register seldom has more maxima, and a branch
+    // that depends on their number is often mispredicted. A round without a maximum writes, but
+    // does not advance `found`.
     for (int round = 0; round < 3 || bits != 0; ++round, bits &= bits - 1) {
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));

@@ -30,8 +30,8 @@ void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight,
   }
 }
 
-// All nine points of the arc that starts at `start` are darker (or all brighter) than the centre by
-// more than the returned value.
+// Returns the largest value such that all nine points of the arc from `start` on are darker, or all
+// are brighter, than the centre by more than this value.
 int arcContrast(const int (&difference)[16], int start) {
   int darker = 255;
   int brighter = 255;
@@ -103,8 +103,8 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
 }
 
 // a * b + c rounded once, like a fused multiply-add: the product of two floats is exact in double
-// precision. (The sum is rounded to double, then to float, which could differ only exactly in the
-// middle between two floats.)
+// precision. (The sum is rounded twice, to double and then to float. This could give another result
+// only exactly half-way between two floats.)
 float multiplyAdd(float a, float b, float c) {
   return static_cast<float>(static_cast<double>(a) * b + c);
 }

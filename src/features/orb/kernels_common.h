@@ -15,14 +15,14 @@ constexpr int kFastCircleY[16] = {3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1, 0, 
 /// Half the side of the block that the Harris response is summed over, in px.
 constexpr int kHarrisRadius = 3;
 
-/// Half the width of the orientation disc in the rows 0..15 above and below its centre.
+/// Half the width of the orientation disc at 0..15 rows above or below its centre.
 constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
                                                         13, 12, 11, 10, 9,  8,  6,  3};
-/// Columns of the disc, rounded up to whole registers.
+/// Number of columns of the disc, rounded up to whole registers.
 constexpr int kDiscColumns = 32;
 
-/// The disc for vector code, by distance of the row: 255 inside; column c is at x = c -
-/// kOrientationRadius.
+/// Mask of the disc for vector code, by distance of the row from the centre: 255 inside the disc,
+/// else 0. Column c is at x = c - kOrientationRadius.
 alignas(64) constexpr auto kDisc = [] {
   std::array<std::array<std::uint8_t, kDiscColumns>, kOrientationRadius + 1> disc{};
   for (std::size_t y = 0; y < disc.size(); ++y) {
@@ -39,13 +39,13 @@ constexpr float kGaussian[kBlurRadius + 1] = {0.216105938f, 0.190712824f, 0.1310
                                               0.0701593235f};
 
 /// Adding this to a float of magnitude below 2^22 rounds it to the nearest integer, half to even,
-/// and leaves that integer in the low bits of the sum: the same as lrint, in one instruction.
+/// and leaves that integer in the low bits of the sum. This replaces lrint by one instruction.
 constexpr float kRounder = 12582912.f;              // 1.5 * 2^23
-constexpr std::uint32_t kRounderBits = 0x4B400000;  // its representation
+constexpr std::uint32_t kRounderBits = 0x4B400000;  // bits of kRounder
 
 /// det M - k (trace M)^2 of the structure tensor, with gradients scaled to grey values in [0, 1]
 /// and divided by the weights of Sobel and the block side. Every operation rounds to float, in this
-/// order, so that equal sums give equal responses everywhere.
+/// order, so that equal sums give equal responses on all machines.
 inline float harrisResponse(int xx, int yy, int xy) {
   constexpr float kK = 0.04f;
   constexpr float kScale = 1.f / (4 * (2 * kHarrisRadius + 1) * 255.f);

@@ -55,8 +55,8 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
                         hn::GetLane(hn::SumOfLanes(d32, xy + xy1)));
 }
 
-// The columns of the disc are in lanes. Per column, the sum of I over the rows and the sum of y * I
-// fit into 16 bits: 31 * 255 and 120 * 255 at most.
+// The columns of the disc are in lanes. For each column, the sum of I over the rows is at most 31 *
+// 255 and the sum of y * I at most 120 * 255, so both fit into 16 bits.
 std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::CappedTag<std::int16_t, kDiscColumns> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
@@ -86,7 +86,7 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
 using Coordinates = hn::ScalableTag<float>;
 using Offsets = hn::RebindToSigned<Coordinates>;
 
-// The rotated sampling pattern for an image with some stride.
+// The rotated sampling pattern, as byte offsets in an image with a given stride.
 class PatternRotation {
  public:
   HWY_INLINE PatternRotation(float cosine, float sine, std::ptrdiff_t stride)
@@ -98,7 +98,7 @@ class PatternRotation {
             static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1U)))) {}
 
   // Byte offsets of the pattern's points from point `i` on. The order of the roundings is part of
-  // the definition: each product, their sum, then the nearest pixel.
+  // the definition: first each product, then the sum, then the pixel.
   HWY_INLINE hn::Vec<Offsets> offsets(int i) const {
     const Coordinates d;
     const auto rounder = hn::Set(d, kRounder);
@@ -117,7 +117,7 @@ class PatternRotation {
       surplus_;  // the offset that the rounder adds to row * stride + column, modulo 2^32
 };
 
-// Reads the pixels one by one.
+// Computes the descriptor by reading the pixels one by one.
 void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
               std::uint8_t* descriptor) {
   alignas(64) std::int32_t offsets[2 * kPatternPairs];
@@ -142,7 +142,7 @@ HWY_INLINE hn::Vec<Offsets> gatherPixels(const std::uint8_t* pixel, hn::Vec<Offs
   return hn::And(hn::GatherOffset(Offsets(), base, offsets), hn::Set(Offsets(), 0xFF));
 }
 
-// Reads 16 pixels with one instruction; the three bytes beyond each are read as well.
+// Gathers 16 pixels with one instruction, which also reads three bytes beyond each pixel.
 void describeByGathers(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
                        std::uint8_t* descriptor) {
   const PatternRotation rotation(cosine, sine, stride);

@@ -7,7 +7,7 @@ constexpr int kPatternPairs = 256;
 
 /// The sampling pattern of rBRIEF, learned by the authors of ORB (Rublee et al., ICCV 2011, section
 /// 4.3) and used by all implementations: bit i is set if the pixel at point i is darker than the
-/// one at point kPatternPairs + i. Offsets from the keypoint, in px, at angle 0.
+/// pixel at point kPatternPairs + i. Offsets from the keypoint, in px, at angle 0.
 alignas(64) constexpr float kPatternX[2 * kPatternPairs] = {
     8,   4,   -11, 7,   2,   1,   -2,  -13, -13, 10,  -13, -11, 7,   -4,  -13, -9,  12,  -3,  -6,
     11,  4,   5,   3,   -8,  -2,  -13, -7,  -4,  -10, 5,   5,   1,   9,   4,   2,   -4,  -8,  4,

@@ -20,7 +20,7 @@ constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
 constexpr int kBandRows = 64;  // rows of a task, if there are several threads
 constexpr int kKeypointsPerTask = 64;
 
-// Gives `descriptors` one row per keypoint. Reuses its memory if that is large enough and not
+// Resizes `descriptors` to one row per keypoint. Reuses the memory if it is large enough and not
 // shared. After a failed allocation a matrix has a size but no memory.
 void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
   if (util::isShared(descriptors) || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
@@ -32,12 +32,12 @@ void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
 }
 
 // Blurs the rows [first_row, last_row) of `image` with a 7x7 Gaussian of sigma 2 into `blurred`,
-// except for kBlurMargin pixels on each side. The rows keep this distance from the border, too;
-// `blurred` is as large as `image` and 64 bytes wider.
+// except for kBlurMargin pixels on each side. The rows must keep this distance from the border,
+// too. `blurred` has the size of `image`, plus 64 bytes per row.
 //
-// The arithmetic is that of cv::ORB on a processor with fused multiply-add: single precision, one
-// rounding per term. (On one without, OpenCV 4.6 rounds twice per term, which changes about three
-// pixels in a million by one grey value; this function does not.)
+// The arithmetic equals cv::ORB on a processor with fused multiply-add: single precision, one
+// rounding per term. (On a processor without it, OpenCV 4.6 rounds twice per term, which changes
+// about three pixels in a million by one grey value. This function always rounds once.)
 void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernels& kernels,
               cv::Mat& scratch, cv::Mat& blurred) {
   constexpr int kBlurredRows = 2 * kBlurRadius + 1;
@@ -80,7 +80,7 @@ bool OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   if (pyramid_.used() == 0) return false;
   if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
-  // The image and the larger levels are there: threads can begin with them while one thread
+  // The image and the larger levels are ready, so threads can start on them while one thread
   // computes the smaller levels.
   const int ready = levels_[std::min(options_.first_level, pyramid_.used() - 1)].last_band;
   pool_.parallelFor(2 + ready, [&](int i) {
@@ -134,7 +134,7 @@ void OrbPipeline::detectAndBlur(Band& band) {
   const cv::Mat& image = pyramid_.levels()[band.level].image;
   band.corners.clear();
   const bool ranked = options_.distribution == KeypointDistribution::ranked;
-  constexpr int kWeaker = 2;  // in parts of the image with too few corners at the full threshold
+  constexpr int kWeaker = 2;  // divisor of the threshold where there are too few corners
   const int threshold =
       ranked ? options_.fast_threshold : std::max(1, options_.fast_threshold / kWeaker);
   const int first = std::max(band.first_row, kEdgeMargin);
@@ -162,7 +162,7 @@ void OrbPipeline::chooseRanked() {
     collectCorners(level);
     const PyramidLevel& source = pyramid_.levels()[level];
     std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
-    // FAST's score is inaccurate: it only preselects twice as many corners as wanted.
+    // The FAST score is inaccurate, so it only preselects twice as many corners as wanted.
     cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
     for (cv::KeyPoint& keypoint : keypoints) {
       keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);
@@ -196,8 +196,8 @@ void OrbPipeline::gather(Features& features) {
   resizeDescriptors(static_cast<int>(features.size()), options_.max_features, features.descriptors);
 }
 
-// First all directions, then all descriptors: the direction of a keypoint is a long chain of
-// dependent operations, which a processor should interleave with those of other keypoints.
+// All directions are computed before all descriptors. The direction of a keypoint is a long chain
+// of dependent operations, and the processor can interleave it with the chains of other keypoints.
 void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
   std::array<cv::Point2f, kKeypointsPerTask> directions;
   for (int i = begin; i < end; ++i) {

@@ -27,14 +27,14 @@ class OrbPipeline {
   bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
-  /// Rows of one level that one task processes through FAST and blur, with its own memory.
+  /// Rows of one level that one task processes through FAST and blur, and the buffers of that task.
   struct Band {
     int level = 0;
     int first_row = 0;
     int last_row = 0;
     std::vector<cv::KeyPoint> corners;
     FastScratch fast_scratch;
-    cv::Mat blurred_rows;  ///< memory of blurRows
+    cv::Mat blurred_rows;  ///< buffer of blurRows
   };
   struct Level {
     cv::Mat blurred;
@@ -56,9 +56,9 @@ class OrbPipeline {
   const OrbKernels& kernels_;
   util::ThreadPool pool_;
   OrbPyramid pyramid_;
-  std::optional<TeblidDescriber> teblid_;  // unless the descriptors are rBRIEF
+  std::optional<TeblidDescriber> teblid_;  // empty if the descriptors are rBRIEF
   std::vector<Level> levels_;
-  std::vector<Band> bands_;  // level by level, each from the top
+  std::vector<Band> bands_;  // level by level, and from the top within a level
   UniformChoice uniform_choice_;
 };
 

@@ -15,8 +15,8 @@ using util::ceilDivide;
 
 constexpr int kReach = 16;  // source pixels that a narrow block loads
 
-// The first of the two source pixels, and the weight of the next one in 1/256. Pixel centres are at
-// half-integers; the edge pixel is repeated beyond the last centre.
+// Returns the first of the two source pixels and the weight of the second, in 1/256. Pixel centres
+// are at half-integers; beyond the last centre, the edge pixel is repeated.
 std::pair<int, int> tapAt(int i, int source, int target) {
   const double scale = 1.0 / (static_cast<double>(target) / source);
   const double position = scale * (i + 0.5) - 0.5;
@@ -26,7 +26,7 @@ std::pair<int, int> tapAt(int i, int source, int target) {
   return {first, cvRound((position - first) * 256)};
 }
 
-// Half to even, like every rounding of a scaled length here.
+// Rounds half to even, as for all scaled lengths here.
 int scaled(int length, float scale) {
   return cvRound(length * (1.f / scale));
 }
@@ -51,7 +51,7 @@ ResizeAxis::ResizeAxis(int source_length, int target_length)
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     ResizeBlock& block = blocks[b];
     const int begin = static_cast<int>(b) * kResizeBlock;
-    // The last block of a row starts earlier, so that it does not read past the end.
+    // The last block of a row starts earlier, so that it does not read past the end of the row.
     block.start = std::min(tapAt(begin, source, target).first, std::max(source - kReach, 0));
     for (int i = 0; i < kResizeBlock; ++i) {
       const auto [first, weight] = tapAt(std::min(begin + i, target - 1), source, target);
@@ -95,7 +95,7 @@ void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKern
                       cv::Mat& target) {
   if (columns_.source != source.cols || columns_.target != size.width) {
     ResizeAxis columns(source.cols, size.width);
-    // This comes first, so that the sizes stay consistent if memory runs out.
+    // The buffers grow first, so that the sizes remain consistent if the allocation throws.
     for (auto& buffer : buffers_) {
       buffer.resize(columns.blocks.size() * kResizeBlock + kVectorSlack);
     }
@@ -160,7 +160,7 @@ void OrbPyramid::shrink(const OrbKernels& kernels) {
     PyramidLevel& level = levels_[i];
     shrinkers_[i - 1].shrink(finer.image, level.size, kernels, level.image);
     resizeMask(finer.mask, level);
-    // A mask pixel of a smaller level counts only if all its source pixels do.
+    // A mask pixel of a smaller level is set only if all its source pixels are set.
     if (!level.mask.empty()) cv::threshold(level.mask, level.mask, 254, 0, cv::THRESH_TOZERO);
   }
 }

@@ -18,17 +18,17 @@ struct ResizeAxis {
   int source = 0;
   int target = 0;
   std::vector<ResizeBlock>
-      blocks;           ///< kResizeBlock target pixels each; the last one repeats its last pixel
-  bool narrow = false;  ///< every block reads at most 16 neighbouring source pixels
+      blocks;  ///< kResizeBlock target pixels each; the last block is padded with its last pixel
+  bool narrow = false;  ///< whether every block reads at most 16 neighbouring source pixels
 
-  /// The two source pixels of target pixel i and the weight of the second, 0..256.
+  /// The two source pixels of target pixel i, and the weight of the second one, 0..256.
   int firstTap(int i) const;
   int secondTap(int i) const;
   int secondWeight(int i) const;
 };
 
-/// Shrinks an 8-bit grey image exactly as cv::resize with INTER_LINEAR_EXACT, on one thread. Keeps
-/// the interpolation weights from image to image.
+/// Shrinks an 8-bit grey image exactly as cv::resize does with INTER_LINEAR_EXACT, on one thread.
+/// Keeps the interpolation weights from image to image.
 class Shrinker {
  public:
   /// `target` is not wider or higher than `source`; its buffer is reused if it has the right size.
@@ -48,12 +48,11 @@ struct PyramidLevel {
   cv::Size size;           ///< px
   cv::Mat image;           ///< 8-bit grey; one level is the caller's image itself
   cv::Mat mask;            ///< 8-bit, non-zero where keypoints may lie; empty: everywhere
-  float scale = 1.f;       ///< size of the caller's image divided by the size of this one
+  float scale = 1.f;       ///< size of the caller's image divided by the size of this level
   int features_quota = 0;  ///< keypoints wanted from this level
 };
 
-/// Share of `features` for each level, in proportion to its side length; the last level gets the
-/// rest.
+/// Number of features per level, in proportion to its side length; the last level gets the rest.
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
 
 /// The image pyramid. Buffers are kept from image to image.
@@ -61,17 +60,17 @@ class OrbPyramid {
  public:
   OrbPyramid(int features, double scale_factor, int levels, int first_level);
 
-  /// Sets `first_level` (without a copy), computes the larger ones from it, and sets the size of
-  /// all others. Levels with room for a keypoint come first; the rest are left out.
+  /// Sets `first_level` (without a copy), computes the larger levels from it, and sets the sizes of
+  /// the smaller levels. Levels too small for a keypoint are at the end and not used.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
   /// Computes the levels after `first_level`, each from the previous one.
   void shrink(const OrbKernels& kernels);
 
-  /// Uses the memory of `images` for the computed levels if it is not shared, and never the memory
-  /// of images shared before.
+  /// Reuses the memory of `images` for the computed levels unless it is shared. Never overwrites
+  /// images that were handed out before.
   void takeBuffers(std::vector<cv::Mat>& images);
-  /// `images` become the caller's image, a copy or itself, and the smaller levels in use, without a
-  /// copy.
+  /// Sets `images` to the caller's image (copied if `copy_first`) and the smaller levels in use,
+  /// which are not copied.
   void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }

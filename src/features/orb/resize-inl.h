@@ -33,7 +33,7 @@ void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, st
 // lower 8 (in the upper half of a lane); only their carry matters.
 void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
              std::uint8_t* out) {
-  // A single row is interpolated with itself, so that both weights fit into 8 bits.
+  // If only one row counts, it is interpolated with itself, so that both weights fit into 8 bits.
   if (weight == 0) below = above;
   if (weight == 256) above = below;
   if (above == below) weight = 1;

@@ -11,7 +11,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Each operation rounds, in the order of the definition (see placed() in teblid.cpp).
+// The operations and their roundings have the order of the definition; see placed() in teblid.cpp.
 HWY_INLINE void placeCentres(const TeblidPlacement& placement, std::int32_t stride,
                              std::int32_t* HWY_RESTRICT centres) {
   const hn::ScalableTag<float> d;

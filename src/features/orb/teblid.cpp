@@ -8,8 +8,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// To the nearest pixel, halves up, by truncating v + 0.5. Values far outside any image, and NaN,
-// stay outside.
+// Rounds to the nearest pixel, halves up, by truncating v + 0.5. Values far outside any image and
+// NaN give a pixel far outside.
 int toPixel(float v) {
   constexpr float kFar = 1e8f;
   v += 0.5f;
@@ -17,7 +17,7 @@ int toPixel(float v) {
   return static_cast<int>(std::min(v, kFar));
 }
 
-// The pixels along one axis of an image of that size, at least one.
+// The part of a box along one axis that is within an image of `size`; at least one pixel.
 cv::Range rangeInImage(int centre, int radius, int size) {
   return {std::clamp(centre - radius, 0, size - 1), std::clamp(centre + radius + 1, 1, size)};
 }
@@ -25,7 +25,7 @@ cv::Range rangeInImage(int centre, int radius, int size) {
 std::int32_t boxSum(const cv::Mat& integral, const cv::Range& columns, const cv::Range& rows) {
   const auto* top = integral.ptr<std::uint32_t>(rows.start);
   const auto* bottom = integral.ptr<std::uint32_t>(rows.end);
-  // Unsigned, since the sums of a large image overflow; their differences are still right.
+  // The sums are unsigned, because they may overflow; their differences are still right.
   return static_cast<std::int32_t>(top[columns.start] + bottom[columns.end] - top[columns.end] -
                                    bottom[columns.start]);
 }
@@ -62,7 +62,7 @@ TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row)
     area[radius] = side * side;
   }
   for (int bit = 0; bit < kTeblidBits; ++bit) {
-    // If the image is too small for keypoints on the highest levels, their boxes exceed any image.
+    // On the highest levels boxes may exceed any image; keypoints do not reach these levels then.
     constexpr float kMost = 1 << 30;
     const float difference =
         std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);
@@ -81,7 +81,7 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
     const int radius = std::max(0, toPixel(placement.scale * kTeblidTable.radius[i]));
     const float threshold = kTeblidTable.threshold[i];
     bool bit;
-    if (inside) {  // both boxes have the same number of pixels: compare the sums
+    if (inside) {  // both boxes have equally many pixels, so sums suffice
       const int area = (2 * radius + 1) * (2 * radius + 1);
       bit =
           static_cast<float>(boxSum(integral, first, radius) - boxSum(integral, second, radius)) <=

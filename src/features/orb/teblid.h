@@ -10,28 +10,28 @@
 namespace ktgp_orb::orb {
 
 /// The TEBLID-256 descriptor (see teblid_table.h) of a keypoint, from the integral image
-/// (cv::integral, CV_32S, modulo 2^32): 32 bytes, the first bit is the highest of the first byte.
-/// The patch of 32 px is scaled to the keypoint's size and rotated by its angle (degrees; negative:
-/// not rotated).
+/// (cv::integral, CV_32S, modulo 2^32): 32 bytes, whose first bit is the highest bit of the first
+/// byte. The patch of 32 px is scaled to the keypoint's size and rotated by its angle (degrees;
+/// negative: not rotated).
 ///
-/// Works for any keypoint: a box that leaves the image is cut at its border, and its mean is over
-/// the rest, or over the nearest pixels if nothing is left. The bits equal those of the authors'
-/// program (OpenCV's xfeatures2d, scale factor 1).
+/// Works for any keypoint. A box that leaves the image is clipped, and its mean is over the part
+/// inside, or over the nearest pixels if no part is inside. The authors' program (OpenCV's
+/// xfeatures2d, scale factor 1) gives the same bits.
 ///
-/// This is the reference, in plain C++, for TeblidDescriber.
+/// This plain C++ function is the reference for TeblidDescriber.
 void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
                     std::uint8_t* descriptor);
 
-/// TEBLID descriptors of the keypoints of many images: equal to describeTeblid, to the last bit,
-/// and fast for keypoints far from the border that have the size of their octave.
+/// Computes the TEBLID descriptors of the keypoints of many images. They equal describeTeblid to
+/// the last bit. Keypoints far from the border with the size of their octave are fast.
 class TeblidDescriber {
  public:
-  /// `sizes` of keypoints, in px, by octave.
+  /// `sizes`: size of the keypoints of each octave, px.
   TeblidDescriber(std::vector<float> sizes, const OrbKernels& kernels);
 
   /// `image`: 8-bit grey, not empty. Buffers are kept from image to image.
   void setImage(const cv::Mat& image);
-  /// 32 bytes. May be called from several threads at a time.
+  /// Writes 32 bytes. May be called from several threads at a time.
   void describe(const cv::KeyPoint& keypoint, std::uint8_t* descriptor) const;
 
  private:

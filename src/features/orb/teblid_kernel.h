@@ -10,19 +10,19 @@
 
 namespace ktgp_orb::orb {
 
-/// The radii of the table's boxes are 1 to this value, in px of the patch.
+/// Largest radius of the table's boxes, in px of the patch; the smallest is 1.
 constexpr int kTeblidRadii = 7;
 
 /// Rounds to the nearest pixel, halves up: the authors' program truncates v + 0.5.
 constexpr float kTeblidHalf = 0.5f;
 
-/// TEBLID's bits ordered by the radius of their boxes, so that many consecutive boxes have the same
-/// distances from the centre to the corners.
+/// TEBLID's bits, ordered by the radius of their boxes, so that consecutive boxes mostly have the
+/// same offsets from the centre to the corners.
 struct TeblidOrder {
-  /// Box centres in px of the patch: the first of every pair, then the second ones.
+  /// Box centres in px of the patch: first the first boxes of all pairs, then the second boxes.
   alignas(64) float u[2 * kTeblidBits];
   alignas(64) float v[2 * kTeblidBits];
-  /// Position in the descriptor: byte, and bit counted from the lowest.
+  /// Position of each bit in the descriptor: 8 * byte + bit, counted from the lowest bit.
   std::uint8_t place[kTeblidBits];
   /// Index after the last pair of radius r.
   std::int16_t end[kTeblidRadii + 1];
@@ -73,7 +73,7 @@ struct TeblidPlacement {
   float y_from_u, y_from_v, y;
 };
 
-/// Whether all boxes of a keypoint are inside the image, with a margin: the farthest corner is 0.7
+/// Whether all boxes of a keypoint are safely inside the image: the farthest corner is at most 0.7
 /// * size from the keypoint, and rounding adds up to 2 px.
 inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
   constexpr float kMargin = 1.75f / 2;
@@ -91,16 +91,16 @@ struct TeblidScale {
 
   float keypoint_size;
   int stride;
-  /// By radius in the table: offsets of the sums at the corners of a box (upper left, upper right,
-  /// lower left, lower right) from the sum at its centre pixel.
+  /// Offsets in the integral image from the centre pixel of a box to its corners (upper left, upper
+  /// right, lower left, lower right), by radius in the table.
   std::array<std::ptrdiff_t, 4> corners[kTeblidRadii + 1];
-  /// A bit is set where the difference of the two sums is less than this; by position in the
+  /// A bit is set if the difference of its two sums is less than this; by position in the
   /// descriptor.
   std::int32_t bound[kTeblidBits];
 };
 
-/// Differences of the sums of each pair of boxes, by position in the descriptor. `centres`: of the
-/// boxes in kTeblidOrder, as indices of the integral image.
+/// Computes the differences of the sums of each pair of boxes, by position in the descriptor.
+/// `centres`: centres of the boxes in kTeblidOrder, as indices of the integral image.
 inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale,
                          const std::int32_t* centres, std::int32_t* differences) {
   int i = 0;
@@ -114,8 +114,8 @@ inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale
     const auto sum = [&](std::ptrdiff_t centre) {
       return top_left[centre] - top_right[centre] - bottom_left[centre] + bottom_right[centre];
     };
-    // Reads the sums one by one: gather instructions are not faster, and on many processors much
-    // slower. The differences are right even if large images overflow the sums.
+    // The sums are read one by one, because gather instructions are no faster, and much slower on
+    // many processors. The differences are right even if the sums overflow in large images.
     for (; i < kTeblidOrder.end[radius]; ++i) {
       differences[kTeblidOrder.place[i]] =
           static_cast<std::int32_t>(sum(centres[i]) - sum(centres[kTeblidBits + i]));

@@ -5,12 +5,12 @@
 namespace ktgp_orb::orb {
 
 constexpr int kTeblidBits = 256;
-/// Side of the patch of the table, in px; its centre is the keypoint.
+/// Side of the patch that the table refers to, in px. The keypoint is the centre of the patch.
 constexpr int kTeblidPatch = 32;
 
 /// The comparisons of TEBLID-256, learned by its authors (Suarez, Buenaposada & Baumela,
 /// "Revisiting Binary Local Image Description for Resource Limited Devices", IEEE RA-L 6(4), 2021;
-/// there called BAD): bit i is set if the mean of the box at first(i) minus that of the box at
+/// there called BAD): bit i is set if the mean of the box at first(i) minus the mean of the box at
 /// second(i) is at most threshold[i]. Centres in px of the patch; boxes of side 2 * radius + 1.
 ///
 /// The numbers are those of OpenCV's contributed modules (xfeatures2d/src/teblid.p256.hpp),

@@ -8,17 +8,17 @@
 
 namespace ktgp_orb::orb {
 
-/// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints,
-/// whatever the level's size: so not a CellGrid, whose cells have a side in px.
+/// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints
+/// each. (The side of a CellGrid's cells is given in px, so it does not fit here.)
 struct LevelCells {
   /// `level`: size in px, larger than twice kEdgeMargin; `quota`: keypoints wanted from it.
   LevelCells(const cv::Size& level, int quota, int keypoints_per_cell);
 
   int count() const { return columns * rows; }
-  /// Row by row; `point` at least kEdgeMargin px from the border.
+  /// Index of the cell, row by row. `point` must be at least kEdgeMargin px from the border.
   int cellOf(const cv::Point2f& point) const;
 
-  int width;  ///< px in which keypoints may lie
+  int width;  ///< size of the area in which keypoints may lie, px
   int height;
   int columns;
   int rows;
@@ -26,34 +26,34 @@ struct LevelCells {
 
 /// Chooses keypoints so that every part of the image has an equal share.
 ///
-/// Each pyramid level is divided into cells, in proportion to the keypoints wanted from it, so that
-/// all cells of all levels have the same share. If a cell has fewer corners, the others get the
-/// rest. Within a cell the corners above the full FAST threshold come first, then those with the
-/// highest Harris response.
+/// The number of cells of a pyramid level is in proportion to the keypoints wanted from it, so that
+/// all cells of all levels have the same share. If a cell has fewer corners than its share, the
+/// others get the rest. Within a cell the corners above the full FAST threshold come first, and in
+/// each group the corners with the highest Harris response.
 class UniformChoice {
  public:
   /// `features`: keypoints to keep in total; corners of at least `strong_score` come first in their
   /// cell.
   UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels);
 
-  /// Sorts the corners of a level (response: FAST score) by cell. `size` of the level in px,
+  /// Sorts the corners of a level (response: FAST score) by cell. `size`: size of the level in px.
   /// `quota`: keypoints wanted from it. May be called for different levels from different threads.
   void sortIntoCells(int level, const cv::Size& size, int quota,
                      std::vector<cv::KeyPoint>& corners);
-  /// Decides how many each cell keeps, after the levels 0 .. levels - 1 were sorted.
+  /// Decides how many corners each cell keeps, after the levels 0 .. levels - 1 were sorted.
   void share(int levels);
-  /// Removes the other corners and sets the Harris response of the rest. Threads: see
-  /// sortIntoCells.
+  /// Keeps the best corners of each cell, with their Harris response. May be called for different
+  /// levels from different threads.
   void keepShares(int level, const cv::Mat& image, const OrbKernels& kernels,
                   std::vector<cv::KeyPoint>& corners);
 
  private:
   struct Level {
-    util::Buckets corners;  ///< bucket 2 * cell for the strong ones, plus 1 for the weak ones
+    util::Buckets corners;  ///< bucket 2 * cell has the strong corners, 2 * cell + 1 the weak ones
     std::vector<int> kept;  ///< corners to keep of each cell; cells row by row
     std::vector<cv::KeyPoint> sorted;
 
-    /// Corners of a cell.
+    /// Number of corners of a cell.
     int sizeOf(std::size_t cell) const {
       return static_cast<int>(corners.end(2 * cell + 1) - corners.begin(2 * cell));
     }

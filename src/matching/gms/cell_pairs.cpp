@@ -5,7 +5,7 @@
 namespace ktgp_orb::gms {
 namespace {
 
-/// Bit k of the result is bit (k - m) mod 8: the ring rotated by m places.
+/// Bit k of the result is bit (k - m) mod 8 of `ring`, so the ring is rotated by m places.
 unsigned turned(unsigned ring, unsigned m) {
   return ((ring << m) | (ring >> (kRing - m))) & 0xffu;
 }
@@ -18,7 +18,7 @@ void CellPairs::count(const Grid& target, const Grid& reference,
                       const std::vector<std::uint32_t>& target_cells) {
   target_ = &target;
   reference_ = &reference;
-  // They come sorted by reference cell; sorting them by target cell keeps that order within each.
+  // Matches come sorted by reference cell. The sort by target cell keeps this order in each cell.
   const std::uint32_t on_grid = reference_order.begin(reference.noCell());
   target_order_.sort(on_grid, target.cells + 1,
                      [&](std::size_t i) { return target_cells[reference_order.order()[i]]; });
@@ -38,7 +38,7 @@ void CellPairs::count(const Grid& target, const Grid& reference,
   pairs_.push_back({reference.noCell(), target_order_.begin(target.noCell())});
 }
 
-/// The pair with most matches; the first one for equal numbers.
+/// The pair with the most matches; the first such pair if several have equally many.
 std::uint32_t CellPairs::bestOf(std::uint32_t target_cell) const {
   std::uint32_t best = first_pair_[target_cell];
   for (std::uint32_t pair = best + 1; pair < first_pair_[target_cell + 1]; ++pair) {
@@ -52,14 +52,14 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   std::array<std::uint32_t, kRing> scores;
   scores.fill(countOf(best));
   for (unsigned k = 0; k < kRing; ++k) {
-    // Rotated by m, neighbour k of the target cell corresponds to neighbour k - m.
+    // With rotation m, neighbour k of the target cell corresponds to reference neighbour k - m.
     std::array<std::uint32_t, kRing> corresponding;
     for (unsigned m = 0; m < kRing; ++m) {
       corresponding[m] = pairs_[best].reference + reference_->ring[(k - m) % kRing];
     }
     const std::uint32_t neighbour = target_cell + target_->ring[k];
     for (std::uint32_t i = first_pair_[neighbour]; i < first_pair_[neighbour + 1]; ++i) {
-      // All rotations, even if only one is wanted: with eight fixed lanes this is vector code.
+      // Counts for all rotations, even if only one is wanted: eight fixed lanes give vector code.
       const std::uint32_t r = pairs_[i].reference;
       const std::uint32_t count = countOf(i);
       for (unsigned m = 0; m < kRing; ++m) scores[m] += r == corresponding[m] ? count : 0;
@@ -72,7 +72,7 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   unsigned last_inside = 0;
   double required = 0.0;
   for (unsigned m = 0; m < rotations; ++m) {
-    // Neighbours that are outside their image on either side do not count.
+    // A neighbour does not count if it is outside the image in the target or in the reference.
     const unsigned inside = target_inside & turned(reference_inside, m);
     if (m == 0 || inside != last_inside) {
       required = threshold * std::sqrt(meanMatches(target_cell, inside));
@@ -83,7 +83,7 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   return supported;
 }
 
-/// Mean number of matches of the cell and those of its neighbours whose bit is set.
+/// Mean number of matches of the cell and of the neighbours whose bit is set.
 double CellPairs::meanMatches(std::uint32_t target_cell, unsigned neighbours) const {
   std::uint32_t matches = target_order_.end(target_cell) - target_order_.begin(target_cell);
   int cells = 1;

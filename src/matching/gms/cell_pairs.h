@@ -8,13 +8,13 @@
 
 namespace ktgp_orb::gms {
 
-/// Neighbours of a cell, clockwise from the top left one. So rotating the neighbourhood by m times
-/// 45 degrees shifts this ring by m.
+/// Number of neighbours of a cell, which are counted clockwise from the top left one. So rotating
+/// the neighbourhood by m times 45 degrees shifts this ring by m.
 constexpr unsigned kRing = 8;
 
 /// The cells of an image with a frame of one cell around them, numbered row by row. Because of the
-/// frame every cell has all eight neighbours. Not a CellGrid: GMS asks for neighbours of cells, not
-/// for points near a position.
+/// frame every cell has all eight neighbours. This is not a CellGrid, because GMS asks for
+/// neighbours of cells, not for points near a position.
 struct Grid {
   Grid(int grid_columns, int grid_rows)
       : columns(grid_columns),
@@ -24,11 +24,11 @@ struct Grid {
         ring{0 - stride - 1, 0 - stride, 0 - stride + 1, 1,
              stride + 1,     stride,     stride - 1,     0 - 1u} {}
 
-  /// The number of "in no cell".
+  /// The number that means "in no cell".
   std::uint32_t noCell() const { return cells; }
 
-  /// The cell at a position in cells from the image's corner; none beyond the grid, above or left
-  /// of the first column and row, and for NaN.
+  /// The cell at a position, in cells from the corner of the image. It is noCell() beyond the grid,
+  /// above the first row, left of the first column, and for NaN.
   std::uint32_t cellAt(double x, double y, int first_column = 0, int first_row = 0) const {
     const bool inside = x >= first_column && x < columns && y >= first_row && y < rows;
     if (!inside) return noCell();
@@ -51,33 +51,33 @@ struct Grid {
   int rows;
   std::uint32_t stride;
   std::uint32_t cells;                    ///< including the frame
-  std::array<std::uint32_t, kRing> ring;  ///< number of each neighbour minus the cell's, mod 2^32
+  std::array<std::uint32_t, kRing> ring;  ///< what to add to a cell for each neighbour, mod 2^32
 };
 
-/// The votes of the grids for a match: bit m is set if its cell pair has support with the
-/// neighbourhood rotated by m times 45 degrees. Those of the shifted grids are combined by "or".
+/// The votes for each match: bit m is set if the cell pair of the match has support with the
+/// neighbourhood rotated by m times 45 degrees. Votes of the shifted grids are combined by "or".
 using Votes = std::vector<std::uint16_t>;
-constexpr unsigned kInBestPair = 1u << kRing;   ///< its pair is the best of its target cell
-constexpr unsigned kOnGrid = kInBestPair << 1;  ///< both its keypoints are in cells
+constexpr unsigned kInBestPair = 1u << kRing;  ///< the match is in the best pair of its target cell
+constexpr unsigned kOnGrid = kInBestPair << 1;  ///< both keypoints of the match are in cells
 
-/// Motion statistics of one target grid and one reference grid: the matches sorted by their pair of
-/// cells, in place of a table of all pairs, nearly all of which are empty.
+/// Motion statistics of one target grid and one reference grid. The matches are sorted by their
+/// pair of cells, because in a table of all pairs nearly all entries would be empty.
 class CellPairs {
  public:
-  /// `reference_order`: the matches by their reference cell, `reference_cells`, the last bucket for
-  /// none; `target_cells`: per match.
+  /// `reference_order`: the matches sorted by reference cell; the last bucket is for those in no
+  /// cell. `reference_cells`, `target_cells`: cell of each match.
   void count(const Grid& target, const Grid& reference, const util::Buckets& reference_order,
              const std::vector<std::uint32_t>& reference_cells,
              const std::vector<std::uint32_t>& target_cells);
 
-  /// Adds the verdict on the best pair of each target cell to the votes of its matches, for the
-  /// first `rotations` rotations. `threshold`: T_G.
+  /// Adds the verdict on the best pair of each target cell to the votes of the matches in the pair,
+  /// for the first `rotations` rotations. `threshold`: T_G.
   void vote(double threshold, unsigned rotations, Votes& votes) const;
 
  private:
   struct Pair {
-    std::uint32_t reference;  ///< its reference cell
-    std::uint32_t begin;      ///< its matches are matches_[begin .. begin of the next pair)
+    std::uint32_t reference;  ///< reference cell of the pair
+    std::uint32_t begin;      ///< matches of the pair: matches_[begin .. begin of the next pair)
   };
 
   std::uint32_t countOf(std::uint32_t pair) const {
@@ -92,8 +92,8 @@ class CellPairs {
   const Grid* reference_ = nullptr;
   util::Buckets target_order_;
   std::vector<std::uint32_t> matches_;     ///< sorted by target cell, then by reference cell
-  std::vector<Pair> pairs_;                ///< in the same order, and an end
-  std::vector<std::uint32_t> first_pair_;  ///< first cell pair of each target cell, and the end
+  std::vector<Pair> pairs_;                ///< sorted like the matches; an end follows
+  std::vector<std::uint32_t> first_pair_;  ///< first pair of each target cell, then the end
 };
 
 }  // namespace ktgp_orb::gms

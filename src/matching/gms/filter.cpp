@@ -16,7 +16,7 @@ using util::requireInRange;
 
 using gms::Grid;
 
-// The order of the authors, which decides for equal numbers.
+// The order of the authors; the first of two scales that keep equally many matches wins.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {
@@ -36,12 +36,12 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// A match is in one cell of each of the four shifted target grids, and in one reference cell. It
-// survives if in one of the grids its pair of cells is the best of its target cell (most matches
-// lead there) and has support from the pairs around it. The rotation and scale that keep most
-// matches win.
+// A match is in one cell of each of the four shifted target grids, and in one reference cell. The
+// match survives if in one of the grids its pair of cells is the best of its target cell (most
+// matches lead there) and has support from the pairs around it. The rotation and scale that keep
+// the most matches win.
 
-/// A match that takes part.
+/// A match that takes part in the votes.
 struct Match {
   std::uint32_t number;   ///< index among the correspondences
   cv::Point2f reference;  ///< normalised position in the reference image
@@ -51,7 +51,7 @@ bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
 
-/// The filter when it is switched off.
+/// What the filter does when it is switched off: all matches pass.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -83,7 +83,7 @@ struct GmsFilter::Impl {
 
   std::vector<Match> matches;
   std::array<std::vector<std::uint32_t>, 4> target_cells;  ///< by shift, for each match
-  std::size_t outside = 0;  ///< correspondences left out: not in the target image
+  std::size_t outside = 0;  ///< number of correspondences outside the target image
 
   // At the current scale, for each match:
   std::vector<std::uint32_t> reference_cells;  ///< reference cell
@@ -106,8 +106,8 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
   }
 }
 
-/// Sets the grid by the number of matches where the options leave it open: on average a cell has as
-/// many as the paper's 20 x 20 grid has with 1000 matches.
+/// If the options leave the grid open, sets it by the number of matches: on average a cell has as
+/// many matches as in the paper's 20 x 20 grid with 1000 matches.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
   constexpr double kMatchesPerCell = 2.5;

@@ -131,7 +131,7 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
     return homography::keepsPlaneInView(homography::facing(answer.homography), corners);
   };
   if (shows_all(estimate) && !shows_all(candidate)) return false;
-  const std::size_t share = by_cell ? 2 : 1;  // one match in this many still agrees
+  const std::size_t share = by_cell ? 2 : 1;  // one in this many supporters must remain
   if (share * supporters(candidate.homography, threshold) <
       supporters(estimate.homography, threshold)) {
     return false;

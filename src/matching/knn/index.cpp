@@ -12,7 +12,7 @@ namespace {
 using util::ceilDivide;
 
 /// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes after
-/// the last candidate keep old bytes: their candidate number is larger than any key.
+/// the last candidate keep old bytes. This does no harm, since their number is above any key.
 void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
   const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
   const int half = h % 2;
@@ -57,7 +57,7 @@ void NearestQueries::reset(int candidates) {
   query_.assign(count, -1);
 }
 
-// The two loops have no branch, so that the compiler can vectorise them.
+// The loops of the next two functions have no branch, so that the compiler can vectorise them.
 
 void NearestQueries::takeChunk(int first_query) {
   std::int16_t* key = keys();

@@ -12,8 +12,8 @@ struct alignas(64) CacheLine {
   std::uint8_t bytes[64];
 };
 
-/// The other direction of the search: the query nearest to each candidate, collected from the
-/// chunks of queries of one thread. For equal distances, the lower query.
+/// Collects the query nearest to each candidate, which is the other direction of the search, from
+/// the chunks of queries of one thread. At equal distances the lower query wins.
 class NearestQueries {
  public:
   /// Resets all candidates to "no query". `candidates` is a multiple of 32.
@@ -36,10 +36,10 @@ class NearestQueries {
   std::vector<std::int32_t> query_;
 };
 
-/// A reference in the layout of kernel.h for the search of the whole image.
+/// The descriptors of a reference in the layout of kernel.h, to search the whole image.
 class KnnIndex {
  public:
-  /// `lanes` of the kernel.
+  /// `lanes`: KnnKernel::lanes.
   explicit KnnIndex(int lanes) : lanes_(lanes) {}
 
   /// `reference`: descriptors, not empty.

@@ -1,5 +1,5 @@
-// The inner loops in plain C++, the reference for the vector kernels. Those of the search in the
-// whole image run over the lanes of a row, so that compilers can vectorise them.
+// The inner loops in plain C++, the reference for the vector kernels. The loops of the search in
+// the whole image run over the lanes of a row, so that compilers can vectorise them.
 #include "matching/knn/kernel.h"
 
 #include <algorithm>
@@ -22,14 +22,14 @@ Row load(const std::uint8_t* row) {
   return words;
 }
 
-/// Number of bits set in either byte: sums of neighbouring bits, then pairs, then nibbles.
+/// Counts the bits of each of the two bytes: sums neighbouring bits, then pairs, then nibbles.
 std::uint16_t countBitsOfBytes(std::uint16_t v) {
   v = static_cast<std::uint16_t>(v - ((v >> 1) & 0x5555));
   v = static_cast<std::uint16_t>((v & 0x3333) + ((v >> 2) & 0x3333));
   return static_cast<std::uint16_t>((v + (v >> 4)) & 0x0f0f);
 }
 
-/// Sums of the distances in kRowsPerSum rows from `first`.
+/// Sums of the distances in kRowsPerSum rows from `first` on.
 Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor) {
   Row sum{};
   for (int b = first; b < first + kRowsPerSum; ++b) {
@@ -107,7 +107,7 @@ std::uint32_t byteCounts(std::uint32_t v) {
 
 std::int32_t distanceTo(const std::uint32_t* query, const std::uint32_t* words,
                         std::ptrdiff_t stride) {
-  std::uint32_t sums = 0;  // each byte counts at most eight times eight
+  std::uint32_t sums = 0;  // each byte sums eight counts of at most 8
   for (int w = 0; w < kDescriptorWords; ++w) sums += byteCounts(query[w] ^ words[w * stride]);
   sums = (sums & 0x00ff00ffU) + ((sums >> 8) & 0x00ff00ffU);
   return static_cast<std::int32_t>((sums & 0xffffU) + (sums >> 16));

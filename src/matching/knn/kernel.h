@@ -8,29 +8,29 @@
 namespace ktgp_orb::knn {
 
 // The inner loop of the search, one per instruction set. Candidates (reference descriptors) are in
-// the lanes of vectors: one instruction processes the same byte of many candidates:
+// the lanes of vectors, so one instruction processes the same byte of many candidates:
 //
 //   group    2 * lanes candidates: 32 rows, row b holding byte b of each of them, then two rows of
 //            16-bit candidate numbers. Even bytes of a row belong to the first half of the group's
 //            candidates, odd ones to the second, so that a row of bytes widens to two rows of 16
 //            bits by a mask and a shift.
 //   block    at most kGroupsPerBlock groups, as many as a key can number
-//   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key is the
-//            nearer candidate and, at equal distance, the one with the lower index. Min and max
-//            keep the best two of every lane without a branch.
+//   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key has the
+//            nearer candidate or, at equal distance, the lower index. Min and max keep the best two
+//            keys of every lane without a branch.
 //
-// The other direction, each candidate's nearest query, uses the same distances; its keys contain
-// the number of the query in its chunk in place of the half group. It takes one more minimum per
-// candidate.
+// The other direction, each candidate's nearest query, uses the same distances. Its keys contain
+// the number of the query in its chunk in place of the half group. This direction takes one more
+// minimum per candidate.
 
 constexpr int kKeyNumberBits = 6;
 constexpr int kGroupsPerBlock = (1 << kKeyNumberBits) / 2;
 /// The key for "no candidate", above all others. It is also the candidate number of the padding
 /// lanes of the last group: or'ed into any key, the result stays this key.
 constexpr std::int16_t kNoKey = 32767;
-/// Rows of a group: descriptor bytes, then the candidate numbers of both halves.
+/// Number of rows of a group: descriptor bytes, then the candidate numbers of both halves.
 constexpr int kRowsPerGroup = kDescriptorBytes + 2;
-/// Number of rows whose distances, at most 8 each, add up in a byte.
+/// Number of rows whose distances, at most 8 each, can be summed in a byte.
 constexpr int kRowsPerSum = kDescriptorBytes / 2;
 /// Number of queries per pass over a block; they share every row that is read and split.
 constexpr int kQueriesPerPass = 4;
@@ -52,12 +52,12 @@ struct LaneKeys {
 };
 
 // The inner loop of the search near predicted positions, one per instruction set. Each query has
-// its own candidates, some dozens in a few runs: too few to share rows as above. A lane has
-// 32 bits here: word w of as many descriptors as there are lanes, eight words per descriptor, then
-// the positions of the candidates. Candidates outside the radius get no key.
+// its own candidates, some dozens in a few runs, which is too few to share rows as above. Lanes
+// have 32 bits here. A vector holds word w, one of eight, of as many descriptors as it has lanes;
+// x, y and index of the candidates have the same layout. Candidates outside the radius get no key.
 //
-//   key   distance << kNearIndexBits | index in the frame: the smaller key is the nearer candidate
-//         and, at equal distance, the one with the lower index, in any order of the candidates.
+//   key   distance << kNearIndexBits | index in the frame: the smaller key has the nearer candidate
+//         or, at equal distance, the lower index, whatever the order of the candidates.
 
 constexpr int kDescriptorWords = kDescriptorBytes / 4;
 constexpr int kNearIndexBits = 22;
@@ -65,7 +65,7 @@ constexpr int kNearIndexBits = 22;
 constexpr int kMaxNearFeatures = 1 << kNearIndexBits;
 /// The key for "no candidate", above all others.
 constexpr std::int32_t kNoNearKey = 0x7fffffff;
-/// 32-bit lanes of the widest kernel (512 bits); the kernels may read so many lanes past a run.
+/// 32-bit lanes of the widest kernel (512 bits); kernels may read this many lanes past a run.
 constexpr int kMaxNearLanes = 16;
 
 /// The candidates as columns, sorted by their position in the image.
@@ -113,9 +113,9 @@ struct KnnKernel {
   const char* name;     ///< instruction set, e.g. "AVX2"
   int lanes;            ///< 16-bit lanes; a row has twice as many bytes
   Scan scan;            ///< ignores `nearest_queries`
-  Scan scan_both_ways;  ///< also lowers `nearest_queries` (64-byte aligned): one key per candidate
+  Scan scan_both_ways;  ///< also lowers the keys `nearest_queries` (64-byte aligned), by candidate
   Search search;        ///< near a position; ignores `nearest_queries`
-  Search search_both_ways;  ///< also lowers `nearest_queries`: one key per candidate, with the
+  Search search_both_ways;  ///< also lowers the keys `nearest_queries`, by candidate; they have the
                             ///< number of the query in place of the index
 };
 

@@ -1,5 +1,5 @@
-// The inner loop of the search near predicted positions. No include guard: dispatch.cpp includes
-// this once for each instruction set.
+// The inner loop of the search near predicted positions. It has no include guard, because
+// dispatch.cpp includes it once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstring>
@@ -27,7 +27,7 @@ constexpr std::uint32_t kLanes =
 /// Distances between the query and the candidates from `words` on.
 HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
                            const std::uint32_t* HWY_RESTRICT words, std::ptrdiff_t stride) {
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // has an instruction that counts the bits of a word
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // an instruction counts the bits of a word
   Words sum = hn::Zero(kWords);
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
@@ -35,7 +35,7 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
   }
   return sum;
 #else
-  auto bytes = hn::Zero(kBytes);  // each holds eight times eight
+  auto bytes = hn::Zero(kBytes);  // each byte sums eight counts of at most 8
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
     bytes = hn::Add(bytes, hn::PopulationCount(hn::BitCast(kBytes, hn::Xor(row, query[w]))));
@@ -48,10 +48,10 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
 #endif
 }
 
-/// The smallest of `best`, and the smallest of both without it.
+/// Reduces the keys of all lanes to the best two.
 HWY_INLINE NearKeys reduce(Keys best, Keys second) {
   const Keys smallest = hn::MinOfLanes(kKeys, best);
-  // All keys differ, except those for "no candidate".
+  // All keys differ, except kNoNearKey.
   const Keys others = hn::IfThenElse(hn::Eq(best, smallest), second, best);
   return {hn::GetLane(smallest), hn::GetLane(hn::MinOfLanes(kKeys, others))};
 }

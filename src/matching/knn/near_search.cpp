@@ -25,10 +25,10 @@ constexpr std::size_t kMaxRuns = 8;  // a query touches fewer rows of cells; rou
 
 constexpr int kQueriesPerChunk = 64;  // per task of a thread
 constexpr double kCellsPerRadius =
-    2;  // smaller cells: fewer useless candidates; larger ones: longer runs
+    2;  // smaller cells give fewer useless candidates, larger cells longer runs
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
 
-/// Target to reference, with positive depth where the target shows the plane.
+/// Homography from target to reference, with positive depth where the target shows the plane.
 Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction) {
   const Eigen::Matrix3d inverse = prediction.inverse();
   if (!prediction.allFinite() || !inverse.allFinite()) {
@@ -79,15 +79,15 @@ void NearTable::layOut(const Features& features) {
 NearKeys NearTable::search(const KnnKernel& kernel, const std::uint8_t* descriptor,
                            const cv::Point2f& place, double radius, std::int32_t number,
                            std::int32_t* nearest_queries) const {
-  // Slightly larger, so that rounding excludes no candidate that passes the test in single
-  // precision.
+  // The reach is slightly above the radius, so that rounding excludes no candidate that passes the
+  // test in single precision.
   const double reach = radius + 1e-3 + 1e-6 * (std::abs(place.x) + std::abs(place.y));
   std::array<NearRun, kMaxRuns> runs;
   std::size_t run_count = 0;
   cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
     if (begin == end) return;
     if (run_count == kMaxRuns) {
-      runs.back().end = end;  // the candidates in between are too far away, and are excluded later
+      runs.back().end = end;  // the kernel excludes the candidates in between, which are too far
     } else {
       runs[run_count++] = {begin, end};
     }
@@ -147,7 +147,7 @@ void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& pre
   for (std::size_t i = 0; i < target.size(); ++i) {
     const cv::Point2f& p = target.keypoints[i].pt;
     const Eigen::Vector3d u = h * Eigen::Vector3d(p.x, p.y, 1.0);
-    // Behind the horizon there is no position: the distance to NaN is never within a radius.
+    // Beyond the horizon a keypoint has no position: it gets NaN, which is never within a radius.
     const bool seen = u.z() > 0.0;
     places_[i].x = seen ? static_cast<float>(u.x() / u.z()) : std::nanf("");
     places_[i].y = seen ? static_cast<float>(u.y() / u.z()) : std::nanf("");

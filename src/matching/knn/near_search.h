@@ -40,8 +40,8 @@ class NearTable {
   }
   std::size_t size() const { return position_.size(); }
 
-  /// The best two candidates within `radius` of `place` for the query of that `number`. Unless
-  /// null, `nearest_queries` has columns() keys, kNoNearKey at first (see KnnKernel).
+  /// The best two candidates within `radius` px of `place` for query `number`. `nearest_queries` is
+  /// null, or has columns() keys, which are kNoNearKey at first (see KnnKernel).
   NearKeys search(const KnnKernel& kernel, const std::uint8_t* descriptor, const cv::Point2f& place,
                   double radius, std::int32_t number, std::int32_t* nearest_queries) const;
 
@@ -55,7 +55,7 @@ class NearTable {
   void layOut(const Features& features);
 
   util::CellGrid cells_;
-  std::size_t stride_ = 0;  // size(), plus lanes that may be read
+  std::size_t stride_ = 0;  // size(), plus the lanes that kernels may read past it
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
   std::vector<float> y_;
@@ -64,8 +64,8 @@ class NearTable {
 };
 
 /// The search of KnnMatcher::matchNear with a given kernel, so that tests and benchmarks can try
-/// each. Reference and target are sorted into cells. So the candidates of a query form few runs,
-/// and are still in the cache from the previous query.
+/// each kernel. Reference and target are sorted into cells. So the candidates of a query form few
+/// runs, and are still in the cache from the previous query.
 class NearSearch {
  public:
   /// `radius`: px, > 0. `pool` must outlive this.

@@ -20,7 +20,7 @@ std::size_t filterByRatio(double threshold, std::vector<Correspondence>& corresp
   std::size_t kept = 0;
   for (Correspondence& c : correspondences) {
     if (mutual && !c.mutual) continue;
-    // The quotient, not d1 < T_w * d2: the product rounds differently when W equals T_w.
+    // Compares the quotient W, because the product in d1 < T_w * d2 rounds differently if W = T_w.
     if (c.level != Level::knn || c.ratio() >= threshold) continue;
     c.level = Level::kt;
     ++kept;

@@ -1,5 +1,5 @@
-// The inner loop of the search in the whole image. No include guard: dispatch.cpp includes this
-// once for each instruction set.
+// The inner loop of the search in the whole image. It has no include guard, because dispatch.cpp
+// includes it once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstddef>
@@ -36,7 +36,7 @@ class Query {
     }
   }
 
-  /// Distances between byte `b` and that of the candidates in `row`.
+  /// Distances between byte `b` of the query and the same byte of the candidates, in `row`.
   Bytes distance(int b, Bytes row) const {
     return hn::PopulationCount(hn::Xor(row, hn::Load(kBytes, rows_[b])));
   }
@@ -48,7 +48,7 @@ class Query {
 #else
 
 /// One target descriptor. Bits are counted with tables of sixteen entries in a register: entry i of
-/// the table for a nibble n is the number of bits set in i ^ n, which includes the exclusive or.
+/// the table for a nibble n is the number of bits set in i ^ n, so it includes the exclusive or.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -65,7 +65,7 @@ class Query {
     }
   }
 
-  /// Distances between byte `b` and that of the candidates in `row`.
+  /// Distances between byte `b` of the query and the same byte of the candidates, in `row`.
   Bytes distance(int b, Bytes row) const {
     const Bytes nibble = hn::Set(kBytes, 15);
     const Bytes low = hn::And(row, nibble);
@@ -82,7 +82,7 @@ class Query {
 
 #endif
 
-/// Sums of the distances in kRowsPerSum rows from `first`, for every query.
+/// Sums of the distances in kRowsPerSum rows from `first` on, for every query.
 HWY_INLINE void sumRows(const std::uint8_t* group, int first, const Query* queries, Bytes* sums) {
   for (int q = 0; q < kQueriesPerPass; ++q) sums[q] = hn::Zero(kBytes);
   HWY_UNROLL(4)

@@ -10,7 +10,7 @@
 namespace ktgp_orb::knn {
 namespace {
 
-// Queries per task of a thread: enough to read a block from the cache many times, few enough to
+// Queries per task of a thread: enough to read a block from the cache many times, and few enough to
 // divide a frame evenly.
 constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
@@ -33,7 +33,7 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
     c.second_distance = distance;
     return;
   }
-  // Equal keys belong to neighbours of one half group: the first lane has the lower index.
+  // Equal keys belong to candidates of one half group; the first lane has the lowest index.
   const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
   keys.best[lane] = keys.second[lane];
   c.second_distance = std::min(c.distance, minimum(keys.best, lanes) >> kKeyNumberBits);

@@ -10,7 +10,7 @@
 
 namespace ktgp_orb::knn {
 
-/// The search of KnnMatcher with a given kernel, so that tests and benchmarks can try each.
+/// The search of KnnMatcher with a given kernel, so that tests and benchmarks can try each kernel.
 class KnnSearch {
  public:
   /// `threads`: see KnnOptions.
