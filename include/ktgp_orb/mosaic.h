@@ -8,6 +8,7 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
 
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -45,6 +46,19 @@ enum class LostBecause : std::uint8_t {
   unmatched,  ///< neither the homographies nor the keyframes lead to it
   repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
   zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
+  moved,      ///< the map is a panorama, and the camera has moved aside
+};
+
+/// The map of a camera that only turns is drawn on a cylinder around it. A ray of the first frame's
+/// camera, K_inv p, is split into x to the right, y along `axis` and z ahead, in the plane of the
+/// axis and the first frame's optical axis. It is drawn at (cx + fx atan2(x, z), cy + fx y /
+/// |x,z|), plus any number of full turns.
+struct Panorama {
+  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turn, in the first frame's camera
+  bool is_estimated = false;  ///< the homographies told K; otherwise setCamera() did
+  double degrees = 0.0;       ///< what the map shows of a full turn, 0..360
+  double closed_off = 0.0;    ///< px between end and beginning, where a full turn met its beginning
 };
 
 /// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
@@ -52,7 +66,8 @@ enum class LostBecause : std::uint8_t {
 /// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
 /// is called or the map is finished. One that is not connected is searched in the map for a second,
 /// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
-/// first frame, continued on all sides. An instance belongs to one thread at a time.
+/// first frame, continued on all sides; where the camera has turned by more than 20 degrees, and
+/// only turned, those of a Panorama. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -65,6 +80,10 @@ class Mosaic {
   /// Applies from the next frame on; the map stays. Throws as the constructor does.
   void setOptions(const MosaicOptions& options);
 
+  /// K of the images, px, without distortion; empty: not known. It is used for the next map, and
+  /// for this one while it is a plane. A panorama needs it, or homographies that tell it.
+  void setCamera(const std::optional<Eigen::Matrix3d>& camera);
+
   /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
   /// every frame, in order, also for frames that are not placed.
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
@@ -76,10 +95,16 @@ class Mosaic {
   /// Called with the map, as image() gives it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Pose of the last placed frame: map -> frame, px; empty if it is lost.
+  /// Pose of the last placed frame, the homography first frame of the map -> frame, px; empty if it
+  /// is lost. In a panorama it is K R K_inv with determinant 1, so that points of the first frame's
+  /// plane with a positive third coordinate are in front of the camera.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
+  /// The reason for users, with what was tested, where that is zoomed or moved; else empty.
+  std::string whyLost() const;
+  /// Of the map, if it is drawn on a cylinder.
+  std::optional<Panorama> panorama() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 
