@@ -86,9 +86,9 @@ struct Mosaic::Impl {
   TileMap tiles;
   mosaic::Keyframes keyframes;
   std::optional<Eigen::Matrix3d> camera;    // K, if it is given
-  Turn turn;                                // what was found last about this map
-  std::vector<Eigen::Matrix3d> turn_poses;  // poses of the map, spread over it
-  double next_test = kFirstTest;            // widths
+  Turn turn;                                // what testTurn() said last about this map
+  std::vector<Eigen::Matrix3d> turn_poses;  // of frames all over the map
+  double next_test = kFirstTest;            // distance from the first frame, widths
   double closed_off = 0.0;                  // px, where a full turn met its beginning
   cv::Size size;
   cv::Mat grey;
@@ -310,9 +310,14 @@ struct Mosaic::Impl {
     });
   }
 
+  /// Whether the map shows a full turn, in whole px.
+  bool isClosed() const {
+    return !surface().isPlane() && tiles.area().width + 1 > surface().period();
+  }
+
   /// A jump to where the keyframes are, after a full turn: what has added up on the way.
   void noteClosing(const Eigen::Matrix3d& by_map, const Eigen::Matrix3d& by_chain) {
-    if (surface().isPlane() || tiles.area().width + 1 < surface().period()) return;
+    if (!isClosed()) return;
     const double off = (surface().inFrame(by_map, middleInMap(by_chain)) - middle()).norm();
     closed_off = std::max(closed_off, off);
   }
@@ -546,7 +551,7 @@ std::optional<Panorama> Mosaic::panorama() const {
   panorama.camera = impl_->turn.camera;
   panorama.axis = impl_->turn.axis;
   panorama.is_estimated = impl_->turn.is_estimated;
-  panorama.degrees = std::min(360.0, 360.0 * (area().width + 1) / surface.period());
+  panorama.degrees = impl_->isClosed() ? 360.0 : 360.0 * area().width / surface.period();
   panorama.closed_off = impl_->closed_off;
   return panorama;
 }
