@@ -379,6 +379,18 @@ struct Mosaic::Impl {
                         turn.degrees);
   }
 
+  /// Draws the placed frame if that adds something.
+  Placement show() {
+    if (!hasMoved()) {
+      colour.copyTo(seen);
+      seen_pose = pose;
+      return Placement::seen;
+    }
+    draw(colour, *pose);
+    noteTurn();
+    return Placement::drawn;
+  }
+
   Placement place(std::int64_t stamp) {
     std::optional<Eigen::Matrix3d> expected = chained(stamp);
     if (!last) return lose(stamp, LostBecause::unmatched);
@@ -412,14 +424,7 @@ struct Mosaic::Impl {
     } else {
       last_features = std::move(features);
     }
-    if (!hasMoved()) {
-      colour.copyTo(seen);
-      seen_pose = pose;
-      return Placement::seen;
-    }
-    draw(colour, *pose);
-    noteTurn();
-    return Placement::drawn;
+    return show();
   }
 };
 

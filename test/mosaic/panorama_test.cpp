@@ -220,8 +220,21 @@ TEST(Panorama, BearsAHandAndSaysWhereThingsAreTooNear) {
     EXPECT_LT(far.largest, 12.0);
     const Outcome near = handHeld(0.1, camera);
     print("hand-held, 10 %", 120.0, near);
-    EXPECT_TRUE(near.has_parallax) << near.lost;
+    EXPECT_TRUE(near.has_parallax || near.because == LostBecause::moved)
+        << near.lost << " lost because " << static_cast<int>(near.because);
   }
+}
+
+TEST(Panorama, SaysWhenTheCameraNoLongerOnlyTurns) {
+  Recording recording(cameraOf(1.0));
+  for (int i = 0; i <= 15; ++i) recording.go(panned(3.0 * i));
+  ASSERT_TRUE(recording.mosaic.panorama());
+  const Eigen::Vector3d ahead = panned(45.0).transpose() * Eigen::Vector3d::UnitZ();
+  for (int i = 1; i <= 8; ++i) recording.go(panned(45.0), 0.05 * i * ahead);
+  const Outcome o = recording.outcome();
+  EXPECT_GT(o.lost, 0);
+  EXPECT_EQ(o.because, LostBecause::moved);
+  EXPECT_NE(o.why.find("then moved aside"), std::string::npos) << o.why;
 }
 
 /// Poses of a camera that moves over a plane at the distance 1 with the normal `normal`: after each
