@@ -39,8 +39,12 @@ class FrameConsumer : public ImageNode<Config, Work> {
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });
     this->worker_.setLimits(kHomography, 300);
+    addOwnInputs();
     this->serveParameters();
   }
+
+  /// Further inputs, with kinds of jobs of their own.
+  virtual void addOwnInputs() {}
 
   void startWorker(std::unique_ptr<Work> work) {
     ImageNode<Config, Work>::startWorker(std::move(work), [](Work& state) { state.finish(); });

@@ -1,5 +1,7 @@
+#include <image_transport/camera_common.h>
 #include <ktgp_orb/MosaicConfig.h>
 #include <ktgp_orb/SaveMosaic.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -9,6 +11,7 @@
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "nodelet/frame_consumer.h"
+#include "ros/camera.h"
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
 #include "util/format.h"
@@ -36,17 +39,25 @@ std::string withOneDigit(double value) {
 /// Builds the map, and publishes its pictures and poses.
 class MosaicWork {
  public:
-  MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, const ros::Publisher& poses)
-      : diagnosis_(diagnosis), pictures_(std::move(pictures)), poses_(poses) {}
+  MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, const ros::Publisher& poses,
+             const std::string& image_topic)
+      : diagnosis_(diagnosis),
+        pictures_(std::move(pictures)),
+        poses_(poses),
+        pixels_(pixelsFrom("by_name", image_topic)) {}
 
   void configure(const MosaicConfig& config);
+  void addCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; }
   void add(const sensor_msgs::ImageConstPtr& image) {
     diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
     size_ = sizeOf(*image);
   }
   void follow(const HomographyStampedConstPtr& message);
   void finish();
-  void restart() { images_.clear(); }
+  void restart() {
+    images_.clear();
+    info_.reset();
+  }
   void reset() { mosaic_.reset(); }
   void publishPicture();
   cv::Mat image() const { return mosaic_.image(); }
@@ -60,7 +71,9 @@ class MosaicWork {
   image_transport::Publisher pictures_;
   ros::Publisher poses_;
   Mosaic mosaic_;
-  cv::Size size_;  // size of the newest image
+  Pixels pixels_;
+  sensor_msgs::CameraInfoConstPtr info_;  // null: not known
+  cv::Size size_;                         // size of the newest image
   MosaicConfig config_;
   std_msgs::Header last_header_;                    // header of the last placed image
   std::deque<HomographyStampedConstPtr> unplaced_;  // homographies whose images may still arrive
@@ -100,6 +113,7 @@ void MosaicWork::finish() {
 void MosaicWork::place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat colour = colourImage(image);
   const auto start = Clock::now();
+  mosaic_.setCamera(info_ ? cameraIfUsable(*info_, pixels_, colour.size()) : std::nullopt);
   diagnosis_.setValue("last frame", toString(mosaic_.place(stampOf(message.header.stamp), colour)));
   last_header_ = message.header;
   if (poses_.getNumSubscribers() > 0) {
@@ -123,8 +137,9 @@ void MosaicWork::report() {
   diagnosis_.setValue("deviation from a plane (px)", withOneDigit(mosaic_.planeDeviation()));
   diagnosis_.setProblem("parallax",
                         mosaic_.hasParallax()
-                            ? "the scene is no plane: points are about " +
-                                  withOneDigit(mosaic_.planeDeviation()) +
+                            ? std::string(mosaic_.panorama() ? "the camera does not only turn"
+                                                             : "the scene is no plane") +
+                                  ": points are about " + withOneDigit(mosaic_.planeDeviation()) +
                                   " px off the map, and what is near is drawn several times"
                             : "",
                         false);
@@ -132,11 +147,11 @@ void MosaicWork::report() {
                         mosaic_.lostBecause() == LostBecause::repeats
                             ? "the ground repeats: frames that fit in several places are lost"
                             : "");
-  diagnosis_.setProblem(
-      "scale", mosaic_.lostBecause() == LostBecause::zoomed
-                   ? "the camera has turned, tilted or moved too far for one plane: frames "
-                     "of less than 1/4 or more than 4 times the map's scale are lost"
-                   : "");
+  diagnosis_.setProblem("surface", mosaic_.whyLost());
+  const auto panorama = mosaic_.panorama();
+  diagnosis_.setValue("drawn on", panorama
+                                      ? util::format("a cylinder, %.0f degrees", panorama->degrees)
+                                      : std::string("a plane"));
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
@@ -154,6 +169,9 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
   ~MosaicNodelet() override { stop(); }
 
  private:
+  static constexpr std::size_t kCameraInfo = 3;  // a kind of jobs, beside those of the base
+
+  void addOwnInputs() override;
   std::string nodelet() const override { return "mosaic"; }
   void configure(MosaicConfig& config) override;
   void advertise() override;
@@ -163,6 +181,15 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
 
   std::atomic<bool> lazy_{false};
 };
+
+void MosaicNodelet::addOwnInputs() {
+  addInput<sensor_msgs::CameraInfo>(image_transport::getCameraInfoTopic(images_->topic()),
+                                    "camera_info", 1, false,
+                                    [this](const sensor_msgs::CameraInfoConstPtr& info) {
+                                      worker_.put<&MosaicWork::addCameraInfo>(kCameraInfo, 0, info);
+                                    });
+  worker_.setLimits(kCameraInfo, 1);
+}
 
 void MosaicNodelet::configure(MosaicConfig& config) {
   worker_.post([config](MosaicWork& work) { work.configure(config); });
@@ -181,7 +208,7 @@ void MosaicNodelet::advertise() {
     worker_.post([](MosaicWork& work) { work.reset(); });
     response.message = "the next frame begins a new map";
   });
-  startWorker(std::make_unique<MosaicWork>(diagnosis_, pictures, poses));
+  startWorker(std::make_unique<MosaicWork>(diagnosis_, pictures, poses, images_->topic()));
 }
 
 void MosaicNodelet::save(const SaveMosaic::Request& request, SaveMosaic::Response& response) {

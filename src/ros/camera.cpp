@@ -155,6 +155,15 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   return camera;
 }
 
+std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& info, Pixels pixels,
+                                              const cv::Size& image_size) {
+  try {
+    return pixelCamera(info, pixels, image_size).camera;
+  } catch (const std::invalid_argument&) {
+    return std::nullopt;
+  }
+}
+
 void requireReadoutTime(double seconds) {
   constexpr double kLongest = 0.2;  // s
   if (seconds == -1.0 || std::abs(seconds) <= kLongest) return;

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
+#include <optional>
 #include <string>
 
 #include "ktgp_orb/lens.h"
@@ -43,6 +44,10 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 /// refuses, for example with a principal point outside of the image.
 PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                           const cv::Size& image_size);
+
+/// K of pixelCamera(); empty where that refuses the camera_info.
+std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& info, Pixels pixels,
+                                              const cv::Size& image_size);
 
 /// The size of the images that a camera_info describes, px.
 cv::Size imageSize(const sensor_msgs::CameraInfo& info);

@@ -18,7 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The calibration beside the images; empty if the recording has none.
+}  // namespace
+
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic) {
   if (kindOf(recording) != InputKind::bag) return std::nullopt;
@@ -28,8 +29,6 @@ std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording
     return std::nullopt;
   }
 }
-
-}  // namespace
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets) {
   constexpr const char* kGroup = "Flat targets (see doc/targets.md)";

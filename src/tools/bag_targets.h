@@ -25,6 +25,10 @@ void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 /// All files of a folder or list of targets. Throws std::invalid_argument for an unusable one.
 std::vector<std::string> filesOfTargets(const std::string& path);
 
+/// The calibration beside the images; empty if the recording has none.
+std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
+                                                    const std::string& image_topic);
+
 /// Finds flat targets in the images of a bag as the nodelet does, but searches all of them in every
 /// image.
 class BagTargets {

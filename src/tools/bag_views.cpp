@@ -57,7 +57,8 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
       "place frames by matches to keyframes; false: by the homographies alone");
   tools::describe(add(map, "--mosaic_max_megapixels", views.map.max_megapixels), "mosaic");
   add(map, "--mosaic_poses", views.mosaic_poses,
-      "write a table with the map -> frame homography of every image; needs --mosaic")
+      "write a table with the homography of every image from the first frame of its map; needs "
+      "--mosaic")
       ->type_name("FILE");
 }
 
@@ -223,8 +224,13 @@ std::string mosaicOf(const std::string& path, std::size_t number) {
   return (first.parent_path() / name).string();
 }
 
-BagViews::BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs)
-    : options_(options), outputs_(outputs), mosaic_(options.map) {
+BagViews::BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
+                   std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels)
+    : options_(options),
+      outputs_(outputs),
+      mosaic_(options.map),
+      camera_(std::move(camera)),
+      pixels_(pixels) {
   if (!options.video.empty()) steady_.emplace(options, std::move(reopen), outputs);
   if (!options.mosaic.empty()) {
     mosaic_.onFinishedMap([this](const cv::Mat& image) { writeMap(image); });
@@ -238,13 +244,16 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   if (steady_) steady_->add(image, stamp, reference, h);
   if (options_.mosaic.empty()) return;
   const auto start = std::chrono::steady_clock::now();
+  mosaic_.setCamera(camera_ ? cameraIfUsable(*camera_, pixels_, sizeOf(*image)) : std::nullopt);
   mosaic_.follow(stamp, reference, h);
   const Placement placement = mosaic_.place(stamp, colourImage(image));
   place_milliseconds_ += util::millisecondsSince(start);
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
   repeated_ += mosaic_.lostBecause() == LostBecause::repeats ? 1 : 0;
-  zoomed_ += mosaic_.lostBecause() == LostBecause::zoomed ? 1 : 0;
+  const std::string why = mosaic_.whyLost();
+  unfit_ += why.empty() ? 0 : 1;
+  if (!why.empty()) why_unfit_ = why;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
                 .add(textOf(image->header.stamp))
@@ -266,6 +275,24 @@ void BagViews::close() {
     outputs_.writeText(options_.mosaic_poses, std::string("stamp,placement,map,") +
                                                   files::kHomographyColumns + '\n' + poses_);
   }
+}
+
+/// How the last map is drawn, if it is on a cylinder.
+std::string BagViews::panorama() const {
+  const auto panorama = mosaic_.panorama();
+  if (!panorama) return {};
+  const std::string closed =
+      panorama->closed_off > 0.0
+          ? util::format("; its end met its beginning %.1f px off", panorama->closed_off)
+          : "";
+  return util::format(
+      "%s: the camera only turns: %.0f degrees of the turn, on a cylinder; focal length %.0f px, "
+      "%s%s\n",
+      options_.mosaic.c_str(), panorama->degrees, panorama->camera(0, 0),
+      !panorama->is_estimated ? "as given"
+      : camera_               ? "as the homographies tell, which the given camera does not fit"
+                              : "as the homographies tell",
+      closed.c_str());
 }
 
 std::string BagViews::report() const {
@@ -290,16 +317,17 @@ std::string BagViews::report() const {
               ": the ground repeats: " + util::counted(repeated_, "frame fits", "frames fit") +
               " in several places, and so not drawn\n";
     }
-    if (zoomed_ > 0) {
-      text += options_.mosaic + ": the camera has turned, tilted or moved too far for one plane: " +
-              std::to_string(zoomed_) +
-              " frames of less than 1/4 or more than 4 times the map's scale are lost\n";
+    text += panorama();
+    if (unfit_ > 0) {
+      text +=
+          options_.mosaic + ": " + util::counted(unfit_, "frame") + " lost: " + why_unfit_ + '\n';
     }
     if (mosaic_.hasParallax()) {
       text += util::format(
-          "%s: the scene is no plane: points are about %.1f px off the map, and what is near is "
-          "drawn several times\n",
-          options_.mosaic.c_str(), mosaic_.planeDeviation());
+          "%s: %s: points are about %.1f px off the map, and what is near is drawn several times\n",
+          options_.mosaic.c_str(),
+          mosaic_.panorama() ? "the camera does not only turn" : "the scene is no plane",
+          mosaic_.planeDeviation());
     }
   }
   return text;

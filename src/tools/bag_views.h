@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ktgp_orb/HomographyStamped.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <CLI/CLI.hpp>
@@ -20,6 +21,7 @@
 #include "ktgp_orb/frame_path.h"
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
+#include "ros/camera.h"
 #include "tools/video_file.h"
 
 namespace ktgp_orb::tools {
@@ -116,8 +118,10 @@ std::string mosaicOf(const std::string& path, std::size_t number);
 /// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
 class BagViews {
  public:
-  /// `reopen` is needed for the steady video. `outputs` must outlive this object.
-  BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
+  /// `reopen`: for the steady video. `outputs` must live longer.
+  /// `camera`: of the images, for a panorama; `pixels`: their kind.
+  BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
+           std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels);
 
   /// Adds the next image with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
@@ -132,6 +136,7 @@ class BagViews {
 
  private:
   void writeMap(const cv::Mat& image);
+  std::string panorama() const;
 
   ViewOptions options_;
   files::Outputs& outputs_;
@@ -140,8 +145,11 @@ class BagViews {
   std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t repeated_ = 0;  // frames lost on repetitive ground
-  std::size_t zoomed_ = 0;    // frames lost beyond the range of scales
+  std::size_t repeated_ = 0;  // lost frames on ground that repeats
+  std::optional<sensor_msgs::CameraInfo> camera_;
+  Pixels pixels_;
+  std::size_t unfit_ = 0;  // lost frames that the surface of the map cannot show
+  std::string why_unfit_;  // of the last of these
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

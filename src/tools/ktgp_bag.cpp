@@ -134,7 +134,10 @@ class Run {
         writer_(arguments.out, arguments.csv,
                 outputNames(arguments.name, source_->topic(), "matcher"), outputs_),
         views_(
-            arguments.views, [&arguments] { return openInput(arguments); }, outputs_),
+            arguments.views, [&arguments] { return openInput(arguments); }, outputs_,
+            camera || arguments.views.mosaic.empty() ? camera
+                                                     : cameraInfoOf(arguments.in, source_->topic()),
+            pixelsFrom(arguments.parameters.calibration, source_->topic())),
         motion_(arguments.motion, arguments.in, source_->topic(), camera),
         targets_(arguments.targets, arguments.in, source_->topic(), camera),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
@@ -505,7 +508,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   tools::addCameraOption(app, "--camera", arguments.camera,
                          "K of the images without distortion, px, where there is no camera_info: "
                          "for the motion of the "
-                         "camera (--geometry auto, --preset slam), and poses of targets");
+                         "camera (--geometry auto, --preset slam), poses of targets, and panoramas "
+                         "(--mosaic)");
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
@@ -529,16 +533,17 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const Parameters& parameters = arguments.parameters;
   const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
-  const bool posed =
-      app.count("--targets") + app.count("--motion") > 0 || parameters.geometry != "homography";
+  const bool posed = app.count("--targets") + app.count("--motion") + app.count("--mosaic") > 0 ||
+                     parameters.geometry != "homography";
   const auto refuse_unless = [&app](bool used, const char* option, const char* condition) {
     if (used || app.count(option) == 0) return;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
                                 condition + "; leave it out");
   };
   refuse_unless(fixed, "--reference_image", "--reference_mode fixed");
-  refuse_unless(posed, "--calibration", "--targets, --motion, or --geometry auto or epipolar");
-  refuse_unless(posed, "--camera", "--targets, --motion, or --geometry auto or epipolar");
+  refuse_unless(posed, "--calibration",
+                "--targets, --motion, --mosaic, or --geometry auto or epipolar");
+  refuse_unless(posed, "--camera", "--targets, --motion, --mosaic, or --geometry auto or epipolar");
   refuse_unless(kindOf(arguments.in) == InputKind::images, "--longest_side", "a pattern of images");
   refuse_unless(motion.height_source == "parameter", "--motion_height",
                 "--motion_height_source parameter");

@@ -8,7 +8,7 @@ import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import TransformStamped
-from ktgp_testing import FolderCase, image_message, messages_of, texture, view, views, write_bag
+from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_turned, views, write_bag
 from poster import information
 from sensor_msgs.msg import CompressedImage, Image, Range
 from tf2_msgs.msg import TFMessage
@@ -221,6 +221,26 @@ class BagInputsTest(FolderCase):
         os.remove(self.path('map.png'))
         self.run_program(os.environ['KTGP_ORB_BAG'], bag, 'new.bag', '--mosaic', 'map.png', code=2,
                          words='map-2.png: exists')
+
+    def test_the_mosaic_of_a_camera_that_only_turns_is_a_panorama(self):
+        turns = [view_turned(angle, 250.0, 1.0, *SIZE) for angle in range(-36, 37, 2)]
+        bag = self.write_bag(turns)
+        self.run_bag(bag, '--mosaic', 'map.png', '--camera', '250,250,159.5,119.5', words='250 px, as given')
+        self.run_bag(bag, '--mosaic', 'map.png', '--camera', '300,300,159.5,119.5',
+                     words='as the homographies tell, which the given camera does not fit')
+        self.run_bag(bag, '--mosaic', 'map.png', '--mosaic_poses', 'poses.csv', words=(
+            '37 frames, 0 of them lost', 'the camera only turns: 13', 'degrees of the turn, on a cylinder',
+            'focal length 250 px, as the homographies tell'))
+        self.assertAlmostEqual(cv2.imread(self.path('map.png')).shape[1], 250 * np.radians(137), delta=6)
+        with open(self.path('poses.csv')) as table:
+            pose = np.array(table.read().split()[-1].split(',')[3:], float).reshape(3, 3)
+        turn = np.linalg.inv(K).dot(pose).dot(K)  # of the first frame, with determinant 1
+        self.assertAlmostEqual(np.degrees(np.arctan2(-turn[0, 2], turn[2, 2])), 72.0, delta=0.5)
+
+    def test_the_mosaic_says_why_it_shows_neither_a_plane_nor_a_panorama(self):
+        near = [view_turned(0.0, 250.0, 0.25 * 1.06 ** i, *SIZE) for i in range(30)]
+        self.run_bag(self.write_bag(near), '--mosaic', 'map.png', '--camera', '250,250,159.5,119.5', words=(
+            'turned, tilted or moved too far for one plane', 'it does not only turn: the homographies are'))
 
     def test_why_every_image_was_refused_is_said_with_a_video_too(self):
         def no_encoding(image):

@@ -10,6 +10,7 @@ import time
 import unittest
 import xmlrpc.client
 
+import cv2
 import numpy as np
 import rosbag
 import rosgraph
@@ -47,6 +48,16 @@ OUTPUTS = {'correspondences': Correspondences, 'homography': HomographyStamped,
 def view(x, y, width=640, height=480):
     """The view of a camera moved by x, y pixels."""
     return np.ascontiguousarray(_TEXTURE[y:y + height, x:x + width])
+
+
+def view_turned(degrees, focal, zoom=1.0, width=640, height=480):
+    """The view of a camera before a wall, turned to the right; enlarged about its middle."""
+    middle = (width - 1) / 2, (height - 1) / 2
+    camera = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]], float)
+    turn = cv2.Rodrigues(np.array([0, np.radians(-degrees), 0]))[0]
+    from_wall = shift(middle[0] - _TEXTURE.shape[1] / 2, middle[1] - _TEXTURE.shape[0] / 2)
+    warp = camera.dot(np.diag([zoom, zoom, 1])).dot(turn).dot(np.linalg.inv(camera)).dot(from_wall)
+    return cv2.warpPerspective(_TEXTURE, warp, (width, height))
 
 
 def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):

@@ -10,7 +10,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, corners_off, shift, texture, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, corners_off, shift, texture, view, view_turned, wait_until, warm_up
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -102,6 +102,26 @@ class MosaicTest(unittest.TestCase):
         pictures.wait_for(stamp)
         # Also for who looks at the header of the connection alone, rosbag for example.
         self.assertEqual(pictures.messages()[-1]._connection_header['latching'], '1')
+
+    def test_a_camera_that_only_turns_gives_a_panorama(self):
+        diagnostics = Diagnostics(self)
+        self.begin()
+        self.assertTrue(self.reset().success)
+        for angle in range(-30, 31, 3):
+            message = self.poses.wait_for(self.camera.show(view_turned(angle, 600.0)))
+            self.assertEqual(message.status, MatchStatus.STATUS_OK, angle)
+        wait_until(lambda: any('a cylinder' in values.get('drawn on', '') for values in diagnostics.values('frames')),
+                   'the diagnostics say what it is drawn on')
+
+    def test_what_neither_plane_nor_panorama_shows_is_explained(self):
+        diagnostics = Diagnostics(self)
+        self.begin()
+        self.assertTrue(self.reset().success)
+        for i in range(29):
+            message = self.poses.wait_for(self.camera.show(view_turned(0.0, 600.0, 0.45 * 1.06 ** i)))
+        self.assertNotEqual(message.status, MatchStatus.STATUS_OK)
+        diagnostics.wait_for_words('it does not only turn: the homographies are',
+                                   lambda: self.camera.show(view_turned(0.0, 600.0, 0.45 * 1.06 ** 28)))
 
     def test_text_in_place_of_numbers_is_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
