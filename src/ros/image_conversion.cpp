@@ -276,6 +276,10 @@ cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& messa
   return converted(message, encodings::isBayer(message->encoding) ? encodings::BGR8 : "");
 }
 
+bool hasBytes(const std::string& encoding) {
+  return CV_MAT_DEPTH(formatOf(encoding).type) == CV_8U;
+}
+
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message) {
   const std::string& encoding = message->encoding;
   if (isYuv(encoding)) return ofYuv(message)->image;

@@ -49,6 +49,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch s
 /// Throws RefusedImage as greyImage does.
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
+/// Whether a channel of the encoding has 8 bits. Throws RefusedImage as greyImage does. The
+/// function bitDepth of sensor_msgs does not know yuv422_yuy2, nv12 and their like.
+bool hasBytes(const std::string& encoding);
+
 /// The image as CV_8UC3 (BGR), or CV_8UC1 for grey images; 16-bit grey is stretched. Valid while
 /// `message` lives. Throws RefusedImage as greyImage does.
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);

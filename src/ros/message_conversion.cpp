@@ -1,7 +1,6 @@
 #include "ros/message_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
-#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
@@ -348,8 +347,7 @@ cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
 
 /// More than 8 bits are grey, stretched like the frame.
 cv::Mat coloured(const sensor_msgs::ImageConstPtr& image, const Frame& frame) {
-  const bool has_bytes = sensor_msgs::image_encodings::bitDepth(image->encoding) == 8;
-  return shown(has_bytes ? colourImage(image) : frame.image, frame.lens);
+  return shown(hasBytes(image->encoding) ? colourImage(image) : frame.image, frame.lens);
 }
 
 }  // namespace

@@ -113,6 +113,40 @@ class BagInputsTest(FolderCase):
         self.run_bag('in.bag', '--rectify')
         self.assertEqual({m.rectified for m in self.output('homography')}, {True})
 
+    def test_matches_are_drawn_in_images_with_brightness_and_colours_apart(self):
+        def planes(image):
+            image.encoding, image.data = 'nv12', image.data + bytes([128]) * (len(image.data) // 2)
+            return image
+
+        def pairs(image):
+            grey = np.frombuffer(image.data, np.uint8).reshape(SIZE[::-1])
+            return image_message(np.dstack([grey, np.full_like(grey, 128)]), image.header.stamp, 'yuv422_yuy2')
+
+        for convert in (planes, pairs):
+            self.run_bag(self.write_bag(convert=convert), '--draw', 'd.mp4', '--overlay',
+                         words='%d homographies' % (FRAMES - 1))
+            self.assertEqual(cv2.VideoCapture(self.path('d.mp4')).get(cv2.CAP_PROP_FRAME_COUNT), FRAMES)
+            self.assertEqual({m.encoding for m in self.output('matches_image')}, {'bgr8'})
+
+    def test_a_calibration_that_changes_is_named(self):
+        """As of a lens that zooms; before that, the driver had none."""
+        for change in (1.0, 1.2):
+            with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+                for i, picture in enumerate(views(FRAMES)):
+                    stamp = rospy.Time.from_sec(1000 + i / 30)
+                    image, info = image_message(picture, stamp), calibration()
+                    info.header = image.header
+                    if i == 0:
+                        info.K = 9 * [0.0]
+                    elif i > FRAMES / 2:
+                        info.K = [change * info.K[0]] + info.K[1:]
+                    bag.write('/front/camera_info', info, stamp)
+                    bag.write('/front/image', image, stamp)
+            words = 'the camera_info on /front/camera_info changes: fx, cx, cy are 250.0, 160.0, 120.0 px at first ' \
+                    'and 300.0, 160.0, 120.0 px at the end'
+            self.assertEqual(words in self.run_bag('in.bag', '--rectify'), change > 1.0)
+            self.assertNotIn('changes', self.run_bag('in.bag'))
+
     def test_half_an_image_is_refused_as_a_file_is(self):
         def cut(image):
             message = compressed(image)

@@ -688,6 +688,39 @@ TEST(MatcherOverlay, HasTheColoursOfTheCamera) {
       << "12 bits are stretched";
 }
 
+TEST(MatcherOverlay, IsDrawnForEveryEncodingThatIsTaken) {
+  for (const auto& [name, expected] : taken()) {
+    MessageMatcher matcher(configurationFrom(Parameters(), 0));
+    const auto message = messageOf(name, expected.pixels);
+    matcher.process(message);
+    const cv::Mat picture = cv_bridge::toCvShare(matcher.overlay(message))->image;
+    ASSERT_EQ(picture.size(), cv::Size(kWidth, kHeight)) << name;
+    cv::Mat grey;
+    cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
+    const cv::Rect corner(kWidth - 20, kHeight - 20, 16, 16);  // without words and points
+    EXPECT_LT(std::abs(cv::mean(grey(corner))[0] - cv::mean(expected.grey(corner))[0]), 80.0)
+        << name;
+  }
+}
+
+// Or motion in metres would take K for P.
+TEST(MessageMatcher, SaysThatTheImagesAreRectifiedAlready) {
+  for (const Pixels pixels : {Pixels::raw, Pixels::rectified}) {
+    Configuration configuration = configurationFrom(Parameters(), 0);
+    configuration.view.pixels = pixels;
+    MessageMatcher matcher(configuration);
+    const auto message = messageOf("mono8", test::noiseImage({320, 240}, 1));
+    matcher.process(message);
+    message->header.stamp = ros::Time(1);
+    message->data[0] ^= 1;
+    const MatchedFrame frame = matcher.process(message);
+    const bool is_rectified = pixels == Pixels::rectified;
+    EXPECT_EQ(toHomography(frame)->rectified != 0, is_rectified);
+    ASSERT_NE(toCorrespondences(frame), nullptr);
+    EXPECT_EQ(toCorrespondences(frame)->rectified != 0, is_rectified);
+  }
+}
+
 // Other options find its features anew, in another frame of the same image.
 TEST(MessageMatcher, AConfiguredReferenceStaysOneWithOtherOptions) {
   const cv::Mat grey = test::noiseImage({320, 240}, 1);
