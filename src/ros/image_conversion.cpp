@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "files/input.h"
+#include "files/jpeg_data.h"
 #include "files/picture_bytes.h"
 #include "util/format.h"
 #include "util/opacity.h"
@@ -220,6 +221,9 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
     image.release();
   }
   if (image.empty()) refuse("cannot be decoded; it is damaged, or of a kind that OpenCV lacks");
+  if (files::lacksData(bytes, image)) {
+    refuse("is damaged: data are missing, and the picture is grey there");
+  }
   return image;
 }
 

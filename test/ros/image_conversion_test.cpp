@@ -402,6 +402,57 @@ TEST(CompressedImages, HalfOfOneIsRefusedAsAFileIs) {
   }
 }
 
+sensor_msgs::CompressedImage jpeg(const cv::Mat& pixels, int restart_interval) {
+  sensor_msgs::CompressedImage message;
+  message.format = "jpeg";
+  cv::imencode(".jpg", pixels, message.data,
+               {cv::IMWRITE_JPEG_QUALITY, 90, cv::IMWRITE_JPEG_RST_INTERVAL, restart_interval});
+  return message;
+}
+
+// As drivers of MJPEG cameras send them, which append the end to what has come. OpenCV gives no
+// warning.
+TEST(CompressedImages, LostDataAreNoticedAlthoughTheEndIsThere) {
+  const cv::Mat texture = test::noiseImage({210, 150}, 3);
+  cv::Mat colours;
+  cv::merge(std::vector<cv::Mat>{texture, 255 - texture, texture}, colours);
+  for (const cv::Mat& pixels : {texture, colours}) {
+    for (const int interval : {0, 7}) {
+      const sensor_msgs::CompressedImage whole = jpeg(pixels, interval);
+      EXPECT_NO_THROW(decodedImage(whole));
+      for (const double share : {0.4, 0.7, 0.95}) {
+        const auto middle = static_cast<std::ptrdiff_t>(share * whole.data.size());
+        sensor_msgs::CompressedImage cut = whole;
+        cut.data.erase(cut.data.begin() + middle, cut.data.end() - 2);
+        expectRefused<RefusedImage>([&] { decodedImage(cut); }, "is damaged: data are missing");
+        sensor_msgs::CompressedImage hole = whole;
+        hole.data.erase(hole.data.begin() + middle - 1500, hole.data.begin() + middle - 500);
+        if (interval > 0) continue;  // a decoder goes on with the next part
+        expectRefused<RefusedImage>([&] { decodedImage(hole); }, "is damaged: data are missing");
+      }
+    }
+  }
+}
+
+TEST(CompressedImages, GreyOnesAreWhole) {
+  for (const int interval : {0, 5}) {
+    for (const cv::Size size : {cv::Size(64, 48), cv::Size(67, 49), cv::Size(3, 2)}) {
+      for (const int type : {CV_8UC1, CV_8UC3}) {
+        const cv::Mat pixels(size, type, cv::Scalar::all(128));
+        EXPECT_NO_THROW(decodedImage(jpeg(pixels, interval))) << size << type;
+      }
+    }
+  }
+  cv::Mat half = test::noiseImage({211, 147}, 4);
+  half.rowRange(70, 147).setTo(128);
+  EXPECT_NO_THROW(decodedImage(jpeg(half, 0)));
+  std::vector<std::uint8_t> progressive;
+  cv::imencode(".jpg", half, progressive, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  sensor_msgs::CompressedImage message;
+  message.data = progressive;
+  EXPECT_NO_THROW(decodedImage(message));
+}
+
 // A large picture of one colour is small when compressed.
 TEST(CompressedImages, AreBoundedBeforeTheyAreDecoded) {
   for (const char* ending : {".png", ".jpg", ".bmp", ".tiff", ".webp"}) {
