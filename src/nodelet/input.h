@@ -114,29 +114,9 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// Finds stamps of images that cannot be used: results are found by stamps, and velocities need
-/// them.
-class ImageStamps {
- public:
-  static constexpr const char* kZero = "stamps of zero";
-  static constexpr const char* kAgain = "stamps as of the image before";
-  static constexpr const char* kBack = "stamps that go back";
-
-  /// One of the names above; null: nothing is wrong.
-  const char* wrongWith(const ros::Time& stamp) {
-    const ros::Time before = std::exchange(last_, stamp);
-    if (stamp.isZero()) return kZero;
-    if (stamp < before) return kBack;
-    return stamp == before ? kAgain : nullptr;
-  }
-
- private:
-  ros::Time last_;
-};
-
 /// The images that a node's topic `image` and its parameter ~image_transport mean. A topic that
-/// ends in /compressed has that transport, whether or not the parameter says so. Without the
-/// package compressed_image_transport the decoder of this package is used.
+/// ends in /compressed has that transport, whether or not the parameter says so. The decoder of
+/// this package comes before that of compressed_image_transport.
 class ImageInput : public Input {
  public:
   /// `lost`: images that were sent, by header.seq, and did not arrive.

@@ -399,12 +399,12 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
 cv::Mat readMaskFile(const std::string& path) {
   if (path.empty()) return {};
   cv::Mat mask = notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
-  if (cv::countNonZero(mask) == 0) {
-    throw RefusedImage("mask_image " + util::printable(path) +
-                       ": hides the whole image, since black and transparent pixels hide; expected "
-                       "white where the image is looked at");
-  }
+  if (hidesAll(mask)) throw RefusedImage("mask_image " + util::printable(path) + ": " + kHidesAll);
   return mask;
+}
+
+bool hidesAll(const cv::Mat& mask) {
+  return !mask.empty() && cv::countNonZero(mask) == 0;
 }
 
 std::string idleMask(const cv::Mat& mask) {

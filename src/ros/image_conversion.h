@@ -97,6 +97,11 @@ cv::Mat notBlack(const cv::Mat& image);
 /// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile, and
 /// for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
+/// Whether a mask, not an empty one, leaves nothing to look at.
+bool hidesAll(const cv::Mat& mask);
+constexpr char kHidesAll[] =
+    "hides the whole image, since black and transparent pixels hide; expected white where the "
+    "image is looked at";
 /// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
 std::string idleMask(const cv::Mat& mask);
 

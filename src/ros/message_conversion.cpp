@@ -171,7 +171,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   message->reference_stamp = timeOf(reference.stamp);
   setSizes(match, *message);
   message->geometry = static_cast<std::uint8_t>(match.match.geometry);
-  message->rectified = target.lens != nullptr;
+  message->rectified = frame.isRectified();
   const std::vector<Correspondence>& guided = match.match.guided;
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
   for (const auto* list : {&match.match.correspondences, &guided}) {
@@ -193,7 +193,7 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   message->status = static_cast<std::uint8_t>(result.homographyStatus());
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   if (result.geometry == Geometry::epipolar) message->reason = MatchStatus::REASON_NO_PLANE;
-  message->rectified = match.frame->lens != nullptr;
+  message->rectified = frame.isRectified();
   setSizes(match, *message);
   if (result.homographyStatus() != Status::ok) return message;
   message->inliers = static_cast<std::uint32_t>(result.inliers);
@@ -209,7 +209,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->header = frame.header;
   message->reference_stamp = timeOf(match.first_stamp);
   message->status = MatchStatus::STATUS_OK;
-  message->rectified = match.frame->lens != nullptr;
+  message->rectified = frame.isRectified();
   const cv::Size& size = match.frame->features.image_size;
   setSizes(size, size, *message);  // an unbroken sequence has one
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);

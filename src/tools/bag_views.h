@@ -18,6 +18,7 @@
 #include "bag/reader.h"
 #include "files/output_file.h"
 #include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/lens.h"
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
 #include "tools/video_file.h"
@@ -35,6 +36,7 @@ struct ViewOptions {
   std::string mosaic;        ///< png, of the first map; mosaicOf names those of further maps
   std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
   MosaicOptions map;
+  LensConstPtr lens;  ///< its distortion is removed before anything else; null: none
 };
 
 /// Adds --stabilize, --mosaic and what belongs to them.

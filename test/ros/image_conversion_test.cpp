@@ -593,6 +593,14 @@ TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
                                            {"/camera/image_rect/theora", true},
                                            {"/camera/image_rect/relay", true},
                                            {"image_rect", true},
+                                           {"/kinect2/hd/image_color_rect", true},
+                                           {"/kinect2/hd/image_mono_rect/compressed", true},
+                                           {"/camera/infra1/image_rect_raw", true},
+                                           {"/camera/rectified/image", true},
+                                           {"/camera/rectified/image_mono/compressed", true},
+                                           {"/camera/rectified/image_raw", false},
+                                           {"/camera/image_direct", false},
+                                           {"/camera/rectangles/image", false},
                                            {"image_rect/compressed", true},
                                            {"/camera/image_raw", false},
                                            {"/camera/image_raw/compressed", false},
@@ -606,6 +614,7 @@ TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
     EXPECT_EQ(pixelsFrom("raw", topic), Pixels::raw);
     EXPECT_EQ(pixelsFrom("rectified", topic), Pixels::rectified);
   }
+  EXPECT_EQ(pixelsOf("/resize/image"), std::nullopt) << "as if by any resizer";
   EXPECT_EQ(rawTopic("/camera/image_raw/compressedDepth"), "/camera/image_raw");
   EXPECT_EQ(rawTopic("/camera/image_raw"), "/camera/image_raw");
 }
