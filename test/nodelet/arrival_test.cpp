@@ -184,10 +184,10 @@ TEST(ImageStamps, OneAheadOfItsTimeIsKnownByItsArrival) {
   for (const double ahead : {0.5, 3600.0}) {
     ImageStamps stamps;
     for (int i = 0; i < 60; ++i) {
-      const double arrival = 1000.0 + i / 30.0;
-      const double delay = i == 30 ? 0.08 : 0.02;  // a computer that was busy once
+      const double delay = i == 30 ? 0.08 : 0.02;  // s, of a computer that was busy once
       const bool is_wrong = i == 3 || i == 20 || i == 45;
-      const double stamp = arrival - delay + (is_wrong ? ahead : 0.0);
+      const double arrival = 1000.0 + i / 30.0 + delay;
+      const double stamp = 1000.0 + i / 30.0 + (is_wrong ? ahead : 0.0);
       EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(arrival)),
                 is_wrong ? Wrong::ahead : Wrong::nothing)
           << i << ", " << ahead;
