@@ -69,18 +69,22 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// Whether the number belongs to three or more numbers joined by points, as in "2024.01.02". Such
-/// numbers are counters, not decimals.
+/// Half of the world writes decimals with a comma.
+bool isPoint(const std::string& text, std::size_t i) {
+  return i < text.size() && (text[i] == '.' || text[i] == ',');
+}
+
+/// Whether the number is one of three or more in a row, as in "2024.01.02": these are counts.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
-  const bool before = begin >= 2 && text[begin - 1] == '.' && isDigit(text, begin - 2);
-  return before || (end < text.size() && text[end] == '.' && isDigit(text, end + 1));
+  const bool before = begin >= 2 && isPoint(text, begin - 1) && isDigit(text, begin - 2);
+  return before || (isPoint(text, end) && isDigit(text, end + 1));
 }
 
 Number takeNumber(const std::string& text, std::size_t& i) {
   Number number;
   const std::size_t begin = i;
   number.whole = withoutZeros(takeDigits(text, i));
-  if (i < text.size() && text[i] == '.' && isDigit(text, i + 1)) {
+  if (isPoint(text, i) && isDigit(text, i + 1)) {
     std::size_t end = i + 1;
     const std::string fraction = takeDigits(text, end);
     if (isInDottedRow(text, begin, end)) return number;
@@ -186,6 +190,26 @@ std::vector<std::string> oddNames(const std::vector<std::string>& files) {
     odd.insert(odd.end(), group.second.begin(), group.second.end());
   }
   return odd;
+}
+
+std::vector<std::string> alternatingNames(const std::vector<std::string>& files) {
+  constexpr std::size_t kRepeated = 3;  // names of each series; fewer say nothing
+  std::map<std::vector<std::string>, std::size_t> sizes;
+  const std::vector<Name> names = namesOf(files);
+  for (const Name& name : names) ++sizes[name.texts];
+  const Name* before = nullptr;
+  std::vector<std::string> first;
+  std::size_t changes = 0;
+  for (const Name& name : names) {
+    if (sizes[name.texts] < kRepeated) continue;
+    if (before != nullptr && before->texts != name.texts && changes++ == 0) {
+      first = {before->file, name.file};
+    }
+    before = &name;
+  }
+  const auto series = static_cast<std::size_t>(std::count_if(
+      sizes.begin(), sizes.end(), [](const auto& each) { return each.second >= kRepeated; }));
+  return changes > series ? first : std::vector<std::string>{};
 }
 
 }  // namespace ktgp_orb::bag

@@ -7,6 +7,7 @@
 
 #include "ros/camera.h"
 #include "ros/image_conversion.h"
+#include "ros/image_stamps.h"
 #include "util/format.h"
 
 namespace ktgp_orb {
@@ -46,10 +47,12 @@ class BagImages : public ImageSource {
     while (const auto message = messages_.next()) {
       if (const auto image = message->as<sensor_msgs::Image>()) {
         setStamp(message->received, *image);
+        if (isAhead(message->received, *image)) return refused(message->received);
         return RecordedImage{image, message->received};
       }
       if (const auto compressed = message->as<sensor_msgs::CompressedImage>()) {
         setStamp(message->received, *compressed);
+        if (isAhead(message->received, *compressed)) return refused(message->received);
         try {
           return RecordedImage{decodedImage(*compressed), message->received};
         } catch (const RefusedImage& error) {
@@ -71,6 +74,13 @@ class BagImages : public ImageSource {
   }
 
  private:
+  template <typename Message>
+  bool isAhead(const ros::Time& received, const Message& message) {
+    return stamps_.wrongWith(message.header.stamp, received) == ImageStamps::Wrong::ahead;
+  }
+  RecordedImage refused(const ros::Time& received) const {
+    return {nullptr, received, stamps_.reason()};
+  }
   template <typename Message>
   void setStamp(const ros::Time& received, Message& message) {
     if (!message.header.stamp.isZero()) return;
@@ -107,6 +117,7 @@ class BagImages : public ImageSource {
   }
 
   BagMessages messages_;
+  ImageStamps stamps_;
   std::size_t without_stamp_ = 0;
 };
 
@@ -143,6 +154,10 @@ void BagMessages::select(const Wanted& wanted, double start, double duration) {
     order_.emplace_back(*std::min_element(times.begin(), times.end()), i);
   }
   std::sort(order_.begin(), order_.end());
+}
+
+void BagMessages::skipToLastChunk() {
+  if (order_.size() > 1) order_.erase(order_.begin(), order_.end() - 1);
 }
 
 std::optional<RecordedMessage> BagMessages::next() {
@@ -240,6 +255,27 @@ sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::strin
   }
   if (first) return *first;
   throw UnusableBag(path + ": it has no camera_info on '" + name + "', which " + user + " needs");
+}
+
+std::string changeOfCameraInfo(const std::string& path, const std::string& image_topic,
+                               const sensor_msgs::CameraInfo& used) {
+  const std::string name = cameraOf(image_topic) + "/camera_info";
+  BagMessages messages(path);
+  messages.select([&name](const bag::Topic& topic) { return topic.name == name; });
+  messages.skipToLastChunk();
+  boost::shared_ptr<sensor_msgs::CameraInfo> last;
+  while (const auto message = messages.next()) {
+    const auto info = message->as<sensor_msgs::CameraInfo>();
+    if (info && info->K[0] != 0.0) last = info;
+  }
+  if (!last) return {};
+  last->header = used.header;
+  if (*last == used) return {};
+  return util::format(
+      "the camera_info on %s changes: fx, cx, cy are %.1f, %.1f, %.1f px at first and %.1f, %.1f, "
+      "%.1f px at the end; the first one is used for all images; expected a bag for each (rosbag "
+      "filter)",
+      name.c_str(), used.K[0], used.K[2], used.K[5], last->K[0], last->K[2], last->K[5]);
 }
 
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection) {

@@ -64,6 +64,8 @@ class BagMessages {
   /// Call this once, before next(). `start`: seconds after the beginning of the bag. `duration`:
   /// seconds; a negative duration means to the end.
   void select(const Wanted& wanted, double start = 0.0, double duration = -1.0);
+  /// Before next(): leaves out all messages but those of the last chunk.
+  void skipToLastChunk();
   /// Number of selected messages in the index.
   std::size_t total() const { return total_; }
 
@@ -145,5 +147,9 @@ std::string cameraOf(const std::string& image_topic);
 /// at all. Throws UnusableBag if there is none. `user`: what needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
+/// Says that the last camera_info of the bag differs from `used`; empty: it does not. Those between
+/// are not read, which would take as long as the whole bag.
+std::string changeOfCameraInfo(const std::string& path, const std::string& image_topic,
+                               const sensor_msgs::CameraInfo& used);
 
 }  // namespace ktgp_orb

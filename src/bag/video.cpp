@@ -210,6 +210,23 @@ std::vector<std::string> filesOf(const std::string& pattern) {
   return files;
 }
 
+/// Tells of names that one series would not have; empty: there are none.
+std::string noteOnNames(const std::vector<std::string>& all) {
+  const std::vector<std::string> two = bag::alternatingNames(all);
+  if (!two.empty()) {
+    return "the images of several series of names alternate: " + util::printable(two[0]) + ", " +
+           util::printable(two[1]) + "; expected a pattern that fits one series";
+  }
+  const std::vector<std::string> odd = bag::oddNames(all);
+  if (odd.empty()) return {};
+  const auto place = std::find(all.begin(), all.end(), odd.front()) - all.begin();
+  std::string note =
+      util::printable(odd.front()) + ": its name is not like the others', which decide the " +
+      "order; it is image " + std::to_string(place + 1) + " of " + std::to_string(all.size());
+  if (odd.size() > 1) note += ", and there are " + std::to_string(odd.size() - 1) + " more such";
+  return note;
+}
+
 class Images : public ImageSource {
  public:
   Images(const std::string& pattern, const BagSelection& selection, double rate, int longest_side)
@@ -223,12 +240,7 @@ class Images : public ImageSource {
     }
     if (all.empty()) throw UnusableBag(pattern + ": there is no such file, nor one that fits it");
     if (files_.empty()) throw UnusableBag(pattern + " has no image in the selected time");
-    const std::vector<std::string> odd = bag::oddNames(all);
-    if (odd.empty()) return;
-    const auto place = std::find(all.begin(), all.end(), odd.front()) - all.begin();
-    note_ = util::printable(odd.front()) + ": its name is not like the others', which decide the " +
-            "order; it is image " + std::to_string(place + 1) + " of " + std::to_string(all.size());
-    if (odd.size() > 1) note_ += ", and there are " + std::to_string(odd.size() - 1) + " more such";
+    note_ = noteOnNames(all);
   }
 
   std::optional<RecordedImage> next() override {

@@ -10,6 +10,7 @@
 #include <system_error>
 #include <vector>
 
+#include "files/jpeg_data.h"
 #include "files/picture_bytes.h"
 #include "util/grey_levels.h"
 #include "util/opacity.h"
@@ -27,12 +28,11 @@ std::string firstBytes(const std::string& file, std::size_t most) {
   return bytes;
 }
 
-/// Whether the file is a JPEG or PNG that ends too early.
-bool isCutOffFile(const std::string& file) {
-  const std::string begin = firstBytes(file, 8);
-  if (!isCutOff(begin)) return false;  // the file is neither a JPEG nor a PNG
+/// The bytes of a file that may be a damaged picture; empty for kinds that are not checked.
+std::string checkedBytes(const std::string& file) {
+  if (!isCutOff(firstBytes(file, 8))) return {};  // neither a JPEG nor a PNG
   std::ifstream in(file, std::ios::binary);
-  return isCutOff(std::string(std::istreambuf_iterator<char>(in), {}));
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 constexpr char kHeic[] =
@@ -74,19 +74,7 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
-/// False if the picture has no opacity for sure, which saves reading it a second time.
-bool mayBeTransparent(const std::string& file) {
-  constexpr std::size_t kSearched = 4096;  // bytes; the opacity of a palette precedes the pixels
-  const std::string begin = firstBytes(file, kSearched);
-  if (begin.compare(0, 3, "\xFF\xD8\xFF") == 0) return false;
-  if (begin.compare(1, 3, "PNG") != 0) return true;
-  constexpr std::size_t kKind = 25;  // byte with the colour type
-  constexpr int kOpacity = 4;
-  return begin.size() > kKind &&
-         ((begin[kKind] & kOpacity) != 0 || begin.find("tRNS") != std::string::npos);
-}
-
-/// Replaces the grey values under transparent pixels, which are not part of the picture.
+/// Grey values under transparent pixels are not part of the picture.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
   cv::Mat opacity;
@@ -138,7 +126,8 @@ void requireRegularFile(const std::string& file) {
 cv::Mat readPicture(const std::string& file, int flags) {
   requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
-  if (isCutOffFile(file)) {
+  const std::string bytes = checkedBytes(file);
+  if (isCutOff(bytes)) {
     throw FileError(file, "is damaged or cut off: the picture has no end; expected a whole file");
   }
   cv::Mat picture;
@@ -160,7 +149,12 @@ cv::Mat readPicture(const std::string& file, int flags) {
     throw FileError(file, std::string("has ") + cv::depthToString(picture.depth()) +
                               " pixels; expected a picture of 8 or 16 bits a channel");
   }
-  if (flags != cv::IMREAD_UNCHANGED && mayBeTransparent(file)) hideTransparent(file, picture);
+  if (lacksData(bytes, picture)) {
+    throw FileError(file,
+                    "is damaged: data of the picture are missing, and it is grey there; "
+                    "expected a whole file");
+  }
+  if (flags != cv::IMREAD_UNCHANGED && mayBeTransparent(bytes)) hideTransparent(file, picture);
   return picture;
 }
 

@@ -44,11 +44,11 @@ std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   return 0;
 }
 
-/// Whether a PNG has its end chunk. A PNG consists of chunks: length, name, data, checksum.
-bool pngEnds(std::string_view bytes) {
+/// A PNG consists of chunks: length, name, data, checksum.
+bool hasChunk(std::string_view bytes, std::string_view name) {
   std::size_t position = kPng.size();
   while (position + 8 <= bytes.size()) {
-    if (bytes.compare(position + 4, 4, "IEND") == 0) return true;
+    if (bytes.compare(position + 4, 4, name) == 0) return true;
     position += 12 + numberAt(position, 4, bytes);
   }
   return false;
@@ -115,7 +115,15 @@ std::optional<double> ofTiff(std::string_view bytes) {
 bool isCutOff(std::string_view bytes) {
   const auto ends = [](std::size_t marker) { return marker == 0xD9; };
   if (beginsWith(bytes, kJpeg)) return segmentOf(bytes, ends) == 0;
-  return beginsWith(bytes, kPng) && !pngEnds(bytes);
+  return beginsWith(bytes, kPng) && !hasChunk(bytes, "IEND");
+}
+
+bool mayBeTransparent(std::string_view bytes) {
+  constexpr std::size_t kKind = 25;  // byte of a PNG with the kind of its pixels
+  constexpr std::size_t kOpacity = 4;
+  if (beginsWith(bytes, kJpeg)) return false;
+  return !beginsWith(bytes, kPng) || (numberAt(kKind, 1, bytes) & kOpacity) != 0 ||
+         hasChunk(bytes, "tRNS");
 }
 
 std::optional<double> megapixelsOf(std::string_view bytes) {

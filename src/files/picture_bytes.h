@@ -9,8 +9,11 @@ namespace ktgp_orb::files {
 /// missing part with grey. Bytes after the end do not matter.
 bool isCutOff(std::string_view bytes);
 
-/// Megapixels of a JPEG, PNG, TIFF, WebP or BMP according to its header, so that the size is known
-/// before memory is allocated. Empty for other formats and for a damaged header.
+/// Whether a picture may have opacity; false only for a JPEG, and for a PNG without it.
+bool mayBeTransparent(std::string_view bytes);
+
+/// Megapixels of a JPEG, PNG, TIFF, WebP or BMP as its header says, before any memory is reserved
+/// for them; empty for anything else, and for a damaged header.
 std::optional<double> megapixelsOf(std::string_view bytes);
 
 }  // namespace ktgp_orb::files

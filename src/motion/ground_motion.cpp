@@ -1,6 +1,7 @@
 #include "ktgp_orb/ground_motion.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include "motion/shutter.h"
 #include "motion/validity.h"
 #include "motion/velocity.h"
+#include "util/stamp_order.h"
 
 namespace ktgp_orb {
 namespace {
@@ -54,6 +56,8 @@ struct GroundMotion::Impl {
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
+  /// False where the last pose is of a frame that was dated ahead.
+  bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
   GroundFilter filter;
@@ -66,8 +70,8 @@ struct GroundMotion::Impl {
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
   bool has_frame = false;
-  std::optional<std::int64_t> apart_stamp;  // stamp of the newest frame, if it went back
-  int looks_away = 0;                       // successive normals that point above the horizon
+  util::StampOrder order;  // of the stamps
+  int looks_away = 0;      // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where the error of the scale is 0
@@ -122,20 +126,16 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   return estimate;
 }
 
-/// Whether the frame is left out because its stamp goes back. A single frame may just have a wrong
-/// stamp, so it is left out. If the next frame continues from that stamp, the recording was looped
-/// or the clock was set, and everything begins anew.
+/// Whether the frame is left out because its stamp goes back; see StampOrder. A frame without a
+/// homography connects nothing, so it does not matter whether it is dated ahead.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
-  const std::optional<std::int64_t> apart = std::exchange(apart_stamp, std::nullopt);
-  if (!has_frame || frame.stamp > newest_stamp) return false;
-  if (apart && frame.stamp > *apart) {
-    has_pose = is_connected = false;
-    newest_stamp = *apart;
-    return false;
-  }
-  apart_stamp = frame.stamp;
-  estimate.status = GroundStatus::stamp_went_back;
-  return true;
+  if (!frame.answer && !order.isBehind(frame.stamp)) return false;
+  const util::StampOrder::Place place = order.next(frame.stamp);
+  if (place.restarted) has_pose = is_connected = false;
+  if (place.was_one_ahead) velocity.interrupt();  // the last one is of a wrong time
+  if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
+  if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
+  return place.is_apart;
 }
 
 /// Begins anew with the next frame, because a state that is not finite would never recover.
@@ -211,7 +211,7 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 /// pose is predicted, and the homography leads from there to the frame and gives a velocity, too.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
-  estimate.gap = sinceLast(frame);
+  estimate.gap = std::max(0.0, sinceLast(frame));
   const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp;
   const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
   filter.predict(velocity.twist(), velocity.covariance(),
@@ -259,7 +259,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
                       frame.stamp);
   }
   const bool fits = innovation && estimate.homography_misfit < kHomographyLimit;
-  if (!fits || velocity.isJump(filter, sinceLast(frame), sinceLast(frame))) {
+  const bool has_time = knowsTime(frame);
+  if (!fits || (has_time && velocity.isJump(filter, sinceLast(frame), sinceLast(frame)))) {
     const bool is_believed =
         fits && velocity.isBelieved(filter, newest_stamp, before_stamp, keyframe_stamp, false);
     filter = before;
@@ -270,12 +271,14 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   relief.add(frame.answer->plane_deviation / frame.camera(0, 0),
              position.head<2>().norm() / position.z());
   contradictions = 0;
-  compareImu(frame, image);
-  if (turned) useTurn(*turned, sinceLast(frame));
+  if (has_time) compareImu(frame, image);
+  if (has_time && turned) useTurn(*turned, sinceLast(frame));
   useReadings(frame);
-  velocity.measure(filter, sinceLast(frame), sinceLast(frame), options.acceleration,
-                   !relief.isSeen());
-  estimate.has_twist = true;
+  if (has_time) {
+    velocity.measure(filter, sinceLast(frame), sinceLast(frame), options.acceleration,
+                     !relief.isSeen());
+  }
+  estimate.has_twist = has_time;
   if (destination) beginMap(frame, image);
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
@@ -401,6 +404,7 @@ const GroundEstimate& GroundMotion::add(const GroundFrame& frame) {
 
 void GroundMotion::reset() {
   impl_->has_pose = impl_->is_connected = impl_->has_frame = false;
+  impl_->order = {};
   impl_->destination.reset();
 }
 

@@ -53,7 +53,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   const Matrix8 slope = flowByEntries(back) / seconds;
   if (!same_reference && !follows) changes_ = 0.0;
   if (!same_reference && follows) reference_flow_ = flow_;
-  follow(seen, slope * covariance * slope.transpose());
+  // No flow is known since a frame that was dated ahead.
+  if (seconds > 0.0) follow(seen, slope * covariance * slope.transpose());
   if (!same_reference && !follows) reference_flow_ = flow_;
   stamp_ = stamp;
   reference_stamp_ = reference_stamp;

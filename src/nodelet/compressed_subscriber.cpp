@@ -1,5 +1,6 @@
-// Decodes compressed images if compressed_image_transport is not installed; Debian 12 does not have
-// it. The plugin has its own name, so that other nodes of the machine do not use it.
+// Compressed images, with the bounds of this package and where compressed_image_transport is not
+// installed; Debian 12 does not have it. The plugin has a name of its own, so that no other node of
+// the machine uses it in place of that one.
 #include <image_transport/simple_subscriber_plugin.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <pluginlib/class_list_macros.hpp>

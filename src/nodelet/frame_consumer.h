@@ -5,11 +5,13 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "nodelet/image_node.h"
 #include "nodelet/image_store.h"
+#include "ros/camera.h"
 
 namespace ktgp_orb {
 
@@ -66,19 +68,25 @@ class FrameConsumer : public ImageNode<Config, Work> {
 
  private:
   void arrived(const HomographyStampedConstPtr& message) {
-    if (message->rectified && !said_rectified_) {
-      said_rectified_ = true;
-      ROS_WARN_NAMED(this->getName(),
-                     "the homographies on %s are of rectified images: they fit %s only if its "
-                     "images are rectified, too",
-                     homographies_->topic().c_str(), images_->topic().c_str());
-    }
+    const std::string mixture = mixtureOf(*message);
+    this->diagnosis_.setProblem("pixels", mixture);
+    if (!mixture.empty()) return;
     this->diagnosis_.count("homographies");
     this->diagnosis_.count("homographies found", message->status == MatchStatus::STATUS_OK ? 1 : 0);
     this->worker_.template put<&Work::follow>(kHomography, 0, message);
   }
 
-  bool said_rectified_ = false;  // used only in the data queue
+  /// Homographies of raw images do not fit rectified ones. Empty where both are of one kind, or
+  /// where nothing says so.
+  std::string mixtureOf(const HomographyStamped& message) const {
+    const std::optional<Pixels> pixels = pixelsOf(images_->topic());
+    if (!pixels || (*pixels == Pixels::rectified) == (message.rectified != 0)) return {};
+    const char* const kinds[] = {"raw", "rectified"};
+    const bool is_rectified = message.rectified != 0;
+    return "the homographies on " + homographies_->topic() + " are of " + kinds[is_rectified] +
+           " images, and do not fit the " + kinds[!is_rectified] + " ones on " + images_->topic() +
+           "; expected the same images for both (see the matcher's rectify and calibration)";
+  }
 };
 
 }  // namespace ktgp_orb

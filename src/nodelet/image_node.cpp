@@ -93,10 +93,13 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
   const auto arrived = [this, callback = std::move(callback)](
                            const sensor_msgs::ImageConstPtr& image, std::uint32_t lost) {
     diagnosis_.arrived();
-    if (const char* const wrong = stamps_.wrongWith(image->header.stamp)) {
-      diagnosis_.count(wrong);
-      diagnosis_.setValue("last wrong stamp", std::to_string(image->header.stamp.toSec()));
+    const ImageStamps::Wrong wrong = stamps_.wrongWith(image->header.stamp, ros::Time::now());
+    if (wrong != ImageStamps::Wrong::nothing) diagnosis_.count(ImageStamps::nameOf(wrong));
+    if (stamps_.wrong() != last_wrong_) {
+      last_wrong_ = stamps_.wrong();
+      diagnosis_.setValue("last wrong stamp", std::to_string(last_wrong_.toSec()));
     }
+    if (wrong == ImageStamps::Wrong::ahead) return diagnosis_.refuse(stamps_.reason());
     if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
     callback(image, lost);
   };
@@ -148,7 +151,9 @@ void NodeBase::tick() {
 void NodeBase::reportStamps() {
   constexpr std::uint64_t kSome = 3;  // fewer wrong stamps in ten seconds are not reported
   std::string text;
-  for (const char* const wrong : {ImageStamps::kZero, ImageStamps::kAgain, ImageStamps::kBack}) {
+  using Wrong = ImageStamps::Wrong;
+  for (const Wrong each : {Wrong::zero, Wrong::again, Wrong::back, Wrong::ahead}) {
+    const char* const wrong = ImageStamps::nameOf(each);
     const std::uint64_t number = diagnosis_.recent(wrong);
     if (number < kSome) continue;
     text = std::to_string(number) + " images in ten seconds have " + wrong +

@@ -21,6 +21,7 @@
 #include "nodelet/outputs.h"
 #include "nodelet/parameters.h"
 #include "nodelet/worker.h"
+#include "ros/image_stamps.h"
 #include "util/printable.h"
 
 namespace ktgp_orb {
@@ -130,8 +131,9 @@ class NodeBase : public nodelet::Nodelet {
   std::mutex connect_mutex_;  // guards connected_, and the subscriptions of inputs_
   bool connected_ = false;
   std::atomic<bool> listening_{false};
-  ros::Time last_time_;  // used only in the slow queue
-  ImageStamps stamps_;   // used only in the data queue
+  ros::Time last_time_;                   // used only in the slow queue
+  ImageStamps stamps_;                    // used only in the data queue, as is
+  ros::Time last_wrong_ = ros::TIME_MAX;  // the stamp in the diagnostics
 };
 
 /// A nodelet with the parameters `Config`, and a worker with the state `Work`.

@@ -3,7 +3,9 @@
 #include <ros/time.h>
 #include <sensor_msgs/Image.h>
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <map>
 
@@ -20,10 +22,11 @@ class ImageStore {
   /// Sets how many more images may wait, however large they are. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
-  /// Adds an image and returns how many images were dropped because of kBytes. Images dropped
-  /// because of kImages do not count, since they are too old to get a homography.
+  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count:
+  /// they are too old for a homography. Nor do those that came before one that was taken: they
+  /// repeat another image or were skipped by max_rate, and never get one.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
-    images_.emplace(image->header.stamp, image);
+    images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();
     order_.push_back(image->header.stamp);
     while (order_.size() > kImages + lag_) dropOldest();
@@ -36,12 +39,9 @@ class ImageStore {
 
   /// Removes and returns the oldest image with this stamp; null if none is stored.
   sensor_msgs::ImageConstPtr take(const ros::Time& stamp) {
-    const auto found = images_.find(stamp);
-    if (found == images_.end()) return nullptr;
-    sensor_msgs::ImageConstPtr image = found->second;
-    bytes_ -= image->data.size();
-    images_.erase(found);
-    return image;
+    const Stored taken = remove(stamp);
+    if (taken.image) passed_ = std::max(passed_, taken.number);
+    return taken.image;
   }
 
   std::size_t size() const { return images_.size(); }
@@ -54,16 +54,32 @@ class ImageStore {
   }
 
  private:
+  struct Stored {
+    sensor_msgs::ImageConstPtr image;
+    std::uint64_t number = 0;  // in order of arrival
+  };
+
+  Stored remove(const ros::Time& stamp) {
+    const auto found = images_.find(stamp);
+    if (found == images_.end()) return {};
+    Stored stored = found->second;
+    bytes_ -= stored.image->data.size();
+    images_.erase(found);
+    return stored;
+  }
   std::size_t dropOldest() {
     const ros::Time oldest = order_.front();
     order_.pop_front();
-    return take(oldest) ? 1 : 0;
+    const Stored dropped = remove(oldest);
+    return dropped.image && dropped.number > passed_ ? 1 : 0;
   }
 
+  std::uint64_t next_ = 1;
+  std::uint64_t passed_ = 0;  // the newest one that was taken
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
-  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // stamps may repeat
-  std::deque<ros::Time> order_;  // in order of arrival; includes stamps of taken images
+  std::multimap<ros::Time, Stored> images_;  // two may have one stamp
+  std::deque<ros::Time> order_;              // in order of arrival; includes those that were taken
 };
 
 }  // namespace ktgp_orb

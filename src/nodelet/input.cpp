@@ -42,6 +42,9 @@ std::string ImageInput::choosePlugin() {
     return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
            installed.end();
   };
+  // The own plugin comes first: it refuses pictures without an end, and too large ones before they
+  // are decoded.
+  if (transport_name_ == kCompressedTransport && is_installed(kOwnPlugin)) return kOwnPlugin;
   if (is_installed(transport_name_)) return transport_name_;
   if (transport_name_ != kCompressedTransport) {
     throw std::invalid_argument("image transport '" + transport_name_ +
@@ -50,7 +53,6 @@ std::string ImageInput::choosePlugin() {
                                 "ros-noetic-" +
                                 transport_name_ + "-image-transport)");
   }
-  if (is_installed(kOwnPlugin)) return kOwnPlugin;
   throw std::invalid_argument(
       "compressed images cannot be decoded: the library ktgp_orb_compressed of this package is not "
       "found; build the whole package, and source its setup.bash");

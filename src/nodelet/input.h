@@ -114,28 +114,9 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// Detects unusable image stamps. Users find results by stamps, and velocities need them.
-class ImageStamps {
- public:
-  static constexpr const char* kZero = "stamps of zero";
-  static constexpr const char* kAgain = "stamps as of the image before";
-  static constexpr const char* kBack = "stamps that go back";
-
-  /// Returns what is wrong, as one of the names above; null if the stamp is fine.
-  const char* wrongWith(const ros::Time& stamp) {
-    const ros::Time before = std::exchange(last_, stamp);
-    if (stamp.isZero()) return kZero;
-    if (stamp < before) return kBack;
-    return stamp == before ? kAgain : nullptr;
-  }
-
- private:
-  ros::Time last_;
-};
-
-/// Subscribes to a node's topic `image` with the transport of its parameter ~image_transport. A
-/// topic that ends in /compressed implies the compressed transport. Without the package
-/// compressed_image_transport, the decoder of this package is used.
+/// The images that a node's topic `image` and its parameter ~image_transport mean. A topic that
+/// ends in /compressed has that transport, whether or not the parameter says so. The decoder of
+/// this package comes before that of compressed_image_transport.
 class ImageInput : public Input {
  public:
   /// `lost`: number of images that were sent, according to header.seq, but did not arrive.

@@ -85,7 +85,9 @@ bool MatcherSettings::setCamera(const sensor_msgs::CameraInfoConstPtr& info, std
 }
 
 void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
-  configuration_.view.sent_mask = maskFrom(image);
+  const cv::Mat mask = maskFrom(image);
+  if (hidesAll(mask)) throw RefusedImage("it " + std::string(kHidesAll));
+  configuration_.view.sent_mask = mask;
   ++configuration_.number;
 }
 

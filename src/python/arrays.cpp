@@ -176,6 +176,14 @@ ImageArray maskImage(const py::object& mask) {
                           "; expected (height, width)");
   }
   grey.pixels = matrixOf(grey.owner, CV_8UC1);
+  const int seen = cv::countNonZero(grey.pixels);
+  const bool hides_nothing = seen == static_cast<int>(grey.pixels.total());
+  const char* const trouble = seen == 0       ? "mask hides the whole image: 0 hides"
+                              : hides_nothing ? "mask hides nothing: only 0 hides"
+                                              : nullptr;
+  if (trouble != nullptr && PyErr_WarnEx(PyExc_UserWarning, trouble, 1) != 0) {
+    throw py::error_already_set();
+  }
   return grey;
 }
 

@@ -18,6 +18,7 @@
 #include "python/match.h"
 #include "python/shared.h"
 #include "util/camera_check.h"
+#include "util/format.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -297,6 +298,12 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
                            const std::optional<std::pair<Eigen::Vector3d, double>>& down,
                            const std::optional<std::pair<Eigen::Matrix3d, double>>& turn,
                            bool of_imu) {
+  if (frame.hasHomography() && frame.reference_size != frame.image_size) {
+    throw py::value_error("the homography is from a reference of " +
+                          util::text(frame.reference_size) + " to an image of " +
+                          util::text(frame.image_size) +
+                          "; expected a reference by the same camera: for a map, use TargetPose");
+  }
   GroundFrame given;
   given.stamp = frame.stamp;
   given.reference_stamp = frame.reference_stamp;

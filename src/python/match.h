@@ -80,6 +80,7 @@ struct FrameMatch : Match {
   std::int64_t stamp = 0;  ///< ns
   std::int64_t reference_stamp = 0;
   cv::Size image_size;
+  cv::Size reference_size;            ///< empty: there is no reference
   std::vector<std::uint64_t> tracks;  ///< track of the target keypoint, for each match
 };
 

@@ -22,6 +22,7 @@ std::shared_ptr<FrameMatch> copied(const SequenceMatch& found) {
   out->stamp = found.frame->stamp;
   out->reference_stamp = found.reference ? found.reference->stamp : 0;
   out->image_size = found.frame->features.image_size;
+  out->reference_size = reference.image_size;
   out->tracks.reserve(out->target_indices.size());
   for (const std::int32_t i : out->target_indices) {
     out->tracks.push_back(found.frame->tracks[static_cast<std::size_t>(i)]);
@@ -63,7 +64,8 @@ class Sequence {
 
 py::tuple frameState(const FrameMatch& m) {
   return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp, m.reference_stamp,
-                        m.image_size.width, m.image_size.height, m.tracks, m.repeated);
+                        m.image_size.width, m.image_size.height, m.tracks, m.repeated,
+                        m.reference_size.width, m.reference_size.height);
 }
 
 std::shared_ptr<FrameMatch> frameOf(const py::tuple& state) {
@@ -76,6 +78,7 @@ std::shared_ptr<FrameMatch> frameOf(const py::tuple& state) {
   match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
   match->tracks = state[7].cast<std::vector<std::uint64_t>>();
   match->repeated = state[8].cast<bool>();
+  match->reference_size = cv::Size(state[9].cast<int>(), state[10].cast<int>());
   return match;
 }
 

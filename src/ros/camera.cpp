@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/core/eigen.hpp>
+#include <sstream>
 #include <stdexcept>
 
 #include "ktgp_orb/two_view.h"
@@ -73,23 +74,33 @@ std::string rawTopic(const std::string& topic) {
   return topic;
 }
 
+std::optional<Pixels> pixelsOf(const std::string& image_topic) {
+  const auto kindOf = [](const std::string& part) -> std::optional<Pixels> {
+    std::optional<Pixels> kind;
+    std::istringstream words(part);
+    for (std::string word; std::getline(words, word, '_');) {
+      if (word == "rect" || word == "rectified") return Pixels::rectified;
+      if (word == "raw") kind = Pixels::raw;
+    }
+    return kind;
+  };
+  std::istringstream parts(image_topic);
+  std::optional<Pixels> of_folders;
+  std::optional<Pixels> of_image;
+  for (std::string part; std::getline(parts, part, '/');) {
+    const std::optional<Pixels> kind = kindOf(part);
+    const bool is_image = part.compare(0, 5, "image") == 0;
+    if (is_image && kind) of_image = kind;
+    if (!is_image && part == "rectified") of_folders = kind;
+  }
+  return of_image ? of_image : of_folders;
+}
+
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
   if (name == "raw") return Pixels::raw;
   if (name == "rectified") return Pixels::rectified;
-  if (name != "by_name") {
-    throw std::invalid_argument("calibration is '" + name +
-                                "'; expected by_name, raw or rectified");
-  }
-  std::size_t end = image_topic.size();
-  while (true) {
-    const std::size_t slash = image_topic.rfind('/', end - 1);
-    const std::size_t begin = slash == std::string::npos ? 0 : slash + 1;
-    if (image_topic.compare(begin, 5, "image") == 0) {
-      return image_topic.compare(begin, 10, "image_rect") == 0 ? Pixels::rectified : Pixels::raw;
-    }
-    if (begin < 2) return Pixels::raw;
-    end = slash;
-  }
+  if (name == "by_name") return pixelsOf(image_topic).value_or(Pixels::raw);
+  throw std::invalid_argument("calibration is '" + name + "'; expected by_name, raw or rectified");
 }
 
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {

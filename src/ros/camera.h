@@ -22,9 +22,14 @@ enum class Pixels : std::uint8_t {
 /// "/camera/image_raw/compressed".
 std::string rawTopic(const std::string& topic);
 
-/// `name`: by_name, raw or rectified. by_name looks at the last part of the topic's name that
-/// begins with "image", since a transport or a relay may append parts. The images are rectified if
-/// this part begins with "image_rect", as in image_proc. Throws std::invalid_argument.
+/// What the name of a topic says about its images; empty: nothing. The last part that begins with
+/// "image" counts, if one of its words is rect, rectified or raw: image_rect_color,
+/// image_mono_rect, image_raw. Else a part "rectified" before or after it does: rectified/image. A
+/// transport or a relay may append parts.
+std::optional<Pixels> pixelsOf(const std::string& image_topic);
+
+/// `name`: by_name, raw or rectified. by_name: as pixelsOf, and raw where the name says nothing.
+/// Throws std::invalid_argument.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 struct PixelCamera {

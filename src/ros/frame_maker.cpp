@@ -90,6 +90,11 @@ const cv::Mat& FrameMaker::maskOf(const cv::Size& size) {
   mask(roi).setTo(255);
   narrow(view_.file_mask, "mask_image", mask);
   narrow(view_.sent_mask, "the image on ~mask", mask);
+  if (hidesAll(mask)) {
+    throw RefusedImage(
+        "the masks and the roi together hide the whole image; expected a part that "
+        "all of them look at");
+  }
   mask_ = mask;
   return mask_;
 }

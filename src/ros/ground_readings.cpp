@@ -22,25 +22,36 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Inserts a message in the order of the stamps, which may jitter. A single stamp that goes back by
-/// more than a second is wrong, and its message is dropped. Two in a row mean a looped bag or a
-/// reset clock. `went_back`: whether the stamp of the last message went back.
+/// Adds a message in the order of the stamps, which may jitter. One that goes back farther stays
+/// `apart`, as in StampOrder: a single one is wrong. Two in a row mean that the newest before them
+/// was dated ahead, if they go on from the one before that; else a looped bag, or a clock that was
+/// set.
 template <typename Message>
-void keep(const Message& message, std::deque<Message>& messages, bool& went_back) {
+void keep(const Message& message, std::deque<Message>& messages, std::optional<Message>& apart) {
   constexpr std::size_t kKept = 1000;  // messages
   constexpr double kWentBack = 1.0;    // s
-  const ros::Time& stamp = message.header.stamp;
-  const bool goes_back =
-      !messages.empty() && (messages.back().header.stamp - stamp).toSec() > kWentBack;
-  if (std::exchange(went_back, goes_back) && goes_back) {
-    messages.clear();
-    went_back = false;
-  } else if (goes_back) {
-    return;
+  const auto goes_back = [](const Message& from, const Message& to) {
+    return (from.header.stamp - to.header.stamp).toSec() > kWentBack;
+  };
+  const auto insert = [&messages](const Message& added) {
+    const auto is_later = [&](const Message& other) {
+      return other.header.stamp > added.header.stamp;
+    };
+    messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), added);
+    if (messages.size() > kKept) messages.pop_front();
+  };
+  const std::optional<Message> before = std::exchange(apart, std::nullopt);
+  if (!messages.empty() && goes_back(messages.back(), message)) {
+    if (!before || goes_back(*before, message)) {
+      apart = message;
+      return;
+    }
+    const bool one_was_ahead = messages.size() > 1 && !goes_back(*(messages.end() - 2), *before);
+    if (one_was_ahead) messages.pop_back();
+    if (!one_was_ahead) messages.clear();
+    insert(*before);
   }
-  const auto is_later = [&](const Message& other) { return other.header.stamp > stamp; };
-  messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), message);
-  if (messages.size() > kKept) messages.pop_front();
+  insert(message);
 }
 
 Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
@@ -72,14 +83,27 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   }
 }
 
+/// Of a picture by another camera, such as a drawn map, K is not known. A size of zero is not
+/// known.
+void requireOneCamera(const HomographyStamped& h) {
+  const bool is_known = h.image_width > 0 && h.reference_width > 0;
+  if (!is_known || (h.reference_width == h.image_width && h.reference_height == h.image_height)) {
+    return;
+  }
+  throw std::invalid_argument(
+      util::format("the homographies are from a reference of %ux%u to images of %ux%u; expected a "
+                   "reference by the same camera: for a map, use the pose of a target",
+                   h.reference_width, h.reference_height, h.image_width, h.image_height));
+}
+
 }  // namespace
 
 void GroundReadings::add(const sensor_msgs::Range& range) {
-  keep(range, ranges_, range_went_back_);
+  keep(range, ranges_, range_apart_);
 }
 
 void GroundReadings::add(const sensor_msgs::Imu& imu) {
-  keep(imu, imus_, imu_went_back_);
+  keep(imu, imus_, imu_apart_);
 }
 
 bool GroundReadings::complete(const std_msgs::Header& image) const {
@@ -172,6 +196,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   frame.stamp = static_cast<std::int64_t>(h.header.stamp.toNSec());
   frame.reference_stamp = static_cast<std::int64_t>(h.reference_stamp.toNSec());
   if (h.status == MatchStatus::STATUS_OK) {
+    requireOneCamera(h);
     const PixelCamera camera = pixelCamera(info, h.rectified ? Pixels::rectified : pixels, size);
     if (camera.lens) {
       throw std::invalid_argument(
@@ -187,10 +212,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   frame.down = attempt([&] { return down(h.header); }, no_normal_);
   dropSidewaysBeam(frame);
   frame.turn = attempt([&] { return turn(h.header); }, no_turn_);
-  // Ignore a single stamp that goes back, since it is wrong; see GroundMotion.
-  const bool goes_back = h.header.stamp < last_image_;
-  if (!goes_back || image_went_back_) last_image_ = h.header.stamp;
-  image_went_back_ = goes_back && !image_went_back_;
+  if (!image_order_.next(frame.stamp).is_apart) last_image_ = h.header.stamp;
   return frame;
 }
 

@@ -13,6 +13,7 @@
 #include "ktgp_orb/ground_motion.h"
 #include "ros/camera.h"
 #include "ros/configuration.h"
+#include "util/stamp_order.h"
 
 namespace ktgp_orb {
 
@@ -87,9 +88,9 @@ class GroundReadings {
   std::string imu_topic_;
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
-  bool range_went_back_ = false;
-  bool imu_went_back_ = false;
-  bool image_went_back_ = false;
+  std::optional<sensor_msgs::Range> range_apart_;
+  std::optional<sensor_msgs::Imu> imu_apart_;
+  util::StampOrder image_order_;
   ros::Time used_range_;
   ros::Time range_stamp_;  // stamp of the newest frame's range; 0: it has none
   std::string range_frame_;

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "files/input.h"
+#include "files/jpeg_data.h"
 #include "files/picture_bytes.h"
 #include "util/format.h"
 #include "util/opacity.h"
@@ -221,6 +222,9 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
     image.release();
   }
   if (image.empty()) refuse("cannot be decoded; it is damaged, or of a kind that OpenCV lacks");
+  if (files::lacksData(bytes, image)) {
+    refuse("is damaged: data are missing, and the picture is grey there");
+  }
   return image;
 }
 
@@ -275,6 +279,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message) {
   if (isYuv(message->encoding)) return ofYuv(message);
   return converted(message, encodings::isBayer(message->encoding) ? encodings::BGR8 : "");
+}
+
+bool hasBytes(const std::string& encoding) {
+  return CV_MAT_DEPTH(formatOf(encoding).type) == CV_8U;
 }
 
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message) {
@@ -392,12 +400,12 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
 cv::Mat readMaskFile(const std::string& path) {
   if (path.empty()) return {};
   cv::Mat mask = notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
-  if (cv::countNonZero(mask) == 0) {
-    throw RefusedImage("mask_image " + util::printable(path) +
-                       ": hides the whole image, since black and transparent pixels hide; expected "
-                       "white where the image is looked at");
-  }
+  if (hidesAll(mask)) throw RefusedImage("mask_image " + util::printable(path) + ": " + kHidesAll);
   return mask;
+}
+
+bool hidesAll(const cv::Mat& mask) {
+  return !mask.empty() && cv::countNonZero(mask) == 0;
 }
 
 std::string idleMask(const cv::Mat& mask) {

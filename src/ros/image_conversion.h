@@ -48,6 +48,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch s
 /// Throws RefusedImage as greyImage does.
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
+/// Whether a channel of the encoding has 8 bits. Throws RefusedImage as greyImage does. The
+/// function bitDepth of sensor_msgs does not know yuv422_yuy2, nv12 and their like.
+bool hasBytes(const std::string& encoding);
+
 /// The image as CV_8UC3 (BGR), or CV_8UC1 for grey images; 16-bit grey is stretched. Valid while
 /// `message` lives. Throws RefusedImage as greyImage does.
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
@@ -92,7 +96,12 @@ cv::Mat notBlack(const cv::Mat& image);
 /// Reads a mask from an image file of any depth; empty for an empty path. Throws like
 /// readImageFile, and also for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
-/// Text on the fault of a mask that hides nothing; empty for other masks and for no mask.
+/// Whether a mask, not an empty one, leaves nothing to look at.
+bool hidesAll(const cv::Mat& mask);
+constexpr char kHidesAll[] =
+    "hides the whole image, since black and transparent pixels hide; expected white where the "
+    "image is looked at";
+/// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
 std::string idleMask(const cv::Mat& mask);
 
 /// Reads an image file as a mono8 message, or as mono16 if the file has 16 bits, with stamp zero;

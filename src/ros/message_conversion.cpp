@@ -1,7 +1,6 @@
 #include "ros/message_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
-#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
@@ -172,7 +171,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   message->reference_stamp = timeOf(reference.stamp);
   setSizes(match, *message);
   message->geometry = static_cast<std::uint8_t>(match.match.geometry);
-  message->rectified = target.lens != nullptr;
+  message->rectified = frame.isRectified();
   const std::vector<Correspondence>& guided = match.match.guided;
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
   for (const auto* list : {&match.match.correspondences, &guided}) {
@@ -194,7 +193,7 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   message->status = static_cast<std::uint8_t>(result.homographyStatus());
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   if (result.geometry == Geometry::epipolar) message->reason = MatchStatus::REASON_NO_PLANE;
-  message->rectified = match.frame->lens != nullptr;
+  message->rectified = frame.isRectified();
   setSizes(match, *message);
   if (result.homographyStatus() != Status::ok) return message;
   message->inliers = static_cast<std::uint32_t>(result.inliers);
@@ -210,7 +209,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->header = frame.header;
   message->reference_stamp = timeOf(match.first_stamp);
   message->status = MatchStatus::STATUS_OK;
-  message->rectified = match.frame->lens != nullptr;
+  message->rectified = frame.isRectified();
   const cv::Size& size = match.frame->features.image_size;
   setSizes(size, size, *message);  // an unbroken sequence has one image size
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
@@ -348,8 +347,7 @@ cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
 
 /// The image for drawing: in colour if it has 8 bits per channel, else as the frame's grey image.
 cv::Mat coloured(const sensor_msgs::ImageConstPtr& image, const Frame& frame) {
-  const bool has_bytes = sensor_msgs::image_encodings::bitDepth(image->encoding) == 8;
-  return shown(has_bytes ? colourImage(image) : frame.image, frame.lens);
+  return shown(hasBytes(image->encoding) ? colourImage(image) : frame.image, frame.lens);
 }
 
 }  // namespace

@@ -32,6 +32,9 @@ struct MatchedFrame {
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;
   std::uint64_t repeated = 0;
+  bool has_rectified_image = false;  ///< before any lens of the frame
+  /// Whether the points are those of an image without distortion.
+  bool isRectified() const { return has_rectified_image || match.frame->lens != nullptr; }
 };
 
 /// Functions that make the messages of topics.def; they return null if there is nothing to publish.

@@ -43,7 +43,9 @@ MatchedFrame MessageMatcher::process(const std_msgs::Header& header, const Frame
                                      MatchAhead* ahead) {
   last_ = nullptr;
   last_ = &sequence_.match(frame, ahead);
-  return {header, *last_, configuration_.number};
+  MatchedFrame matched{header, *last_, configuration_.number};
+  matched.has_rectified_image = configuration_.view.pixels == Pixels::rectified;
+  return matched;
 }
 
 sensor_msgs::ImagePtr MessageMatcher::overlay(const sensor_msgs::ImageConstPtr& image) const {

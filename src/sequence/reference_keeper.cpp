@@ -1,5 +1,6 @@
 #include "sequence/reference_keeper.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace ktgp_orb::sequence {
@@ -15,19 +16,30 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
     if (!fixed_) reason_ = NoReference::not_set;
     return fixed_;
   }
-  if (previous_ && apart_ && next.stamp < previous_->stamp && next.stamp >= apart_->stamp) {
-    restartAt(std::exchange(apart_, nullptr));  // the stamp is right: the recording loops
-  }
+  reason_ = outOfOrder(next);
+  if (reason_ != NoReference::none) return nullptr;
   if (previous_) {
     const NoReference why = whyNotAfterPrevious(next);
-    if (why == NoReference::stamp_went_back) {
-      reason_ = why;
-      return nullptr;
-    }
     if (why != NoReference::none) forget(why);
   }
-  if (!previous_) reason_ = forgotten_;
+  if (!previous_) {
+    order_ = {};
+    order_.next(next.stamp);
+    reason_ = forgotten_;
+  }
   return reference_;
+}
+
+/// A keyframe may be old as long as frames arrive; the previous frame must not be. After a frame
+/// that was dated ahead, that frame is still the reference: its picture is right.
+NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
+  if (!previous_) return NoReference::none;
+  constexpr double kMost = 9e18;  // ns
+  const auto longest = static_cast<std::uint64_t>(std::min(1e9 * options_.max_age, kMost));
+  const util::StampOrder::Place place = order_.next(next.stamp, longest);
+  if (place.restarted && apart_) restartAt(std::exchange(apart_, nullptr));
+  if (!place.is_apart) return NoReference::none;
+  return next.stamp < previous_->stamp ? NoReference::stamp_went_back : NoReference::gap;
 }
 
 NoReference anotherCamera(const Frame& next, const Frame& before) {
@@ -39,13 +51,7 @@ NoReference anotherCamera(const Frame& next, const Frame& before) {
   return same_lens ? NoReference::none : NoReference::lens_changed;
 }
 
-// A keyframe may be old as long as frames arrive, but the previous frame must not be old.
 NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
-  if (next.stamp < previous_->stamp) return NoReference::stamp_went_back;
-  // The gap is unsigned, since two stamps may differ by more than half the range.
-  const auto gap =
-      static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
-  if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   return anotherCamera(next, *previous_);
 }
@@ -66,7 +72,8 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
                               const MatchResult* result) {
   forgotten_ = NoReference::none;
   if (options_.mode == ReferenceMode::fixed) return;
-  apart_ = reason_ == NoReference::stamp_went_back ? frame : nullptr;
+  const bool is_apart = reason_ == NoReference::stamp_went_back || reason_ == NoReference::gap;
+  apart_ = is_apart ? frame : nullptr;
   if (apart_) {
     accumulated_.reset();
     return;

@@ -5,6 +5,7 @@
 
 #include "homography/transform.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "util/stamp_order.h"
 
 namespace ktgp_orb::sequence {
 
@@ -46,6 +47,7 @@ class ReferenceKeeper {
   void forget(NoReference reason);
 
  private:
+  NoReference outOfOrder(const Frame& next);
   NoReference whyNotAfterPrevious(const Frame& next) const;
   bool weak(const Frame& frame, const MatchResult& result) const;
   void restartAt(const FramePtr& frame);
@@ -54,7 +56,8 @@ class ReferenceKeeper {
   FramePtr fixed_;
   FramePtr reference_;  // the previous frame or the keyframe, as the mode demands
   FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
-  FramePtr apart_;      // the newest frame, if its stamp went back; the stamp may be wrong
+  FramePtr apart_;      // the newest frame, if its stamp is out of order; it may be wrong
+  util::StampOrder order_;
   NoReference reason_ = NoReference::none;
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
   // The homographies below map from the first frame of the sequence.

@@ -81,6 +81,19 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
   steps.clear();
 }
 
+namespace {
+
+/// The image in the pixels of the homographies.
+cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
+  cv::Mat picture = colourImage(image);
+  if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;
+  cv::Mat rectified;
+  options.lens->rectify(picture, rectified);
+  return rectified;
+}
+
+}  // namespace
+
 SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs)
     : options_(options),
       reopen_(std::move(reopen)),
@@ -91,7 +104,7 @@ SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outpu
 
 void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp,
                       std::int64_t reference, const std::optional<Eigen::Matrix3d>& homography) {
-  const cv::Mat frame = colourImage(image);
+  const cv::Mat frame = pictureOf(image, options_);
   const std::optional<std::int64_t> previous =
       path_.steps().empty() ? std::nullopt : std::make_optional(path_.steps().back().stamp);
   std::optional<Eigen::Matrix3d> step;
@@ -155,7 +168,7 @@ void SteadyVideo::writeWhole() {
     if (stampOf(recorded->image->header.stamp) != path[next].stamp) continue;
     cv::Mat frame;
     try {
-      frame = colourImage(recorded->image);
+      frame = pictureOf(recorded->image, options_);
     } catch (const RefusedImage&) {
       continue;
     }
@@ -246,7 +259,7 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   const auto start = std::chrono::steady_clock::now();
   mosaic_.setCamera(camera_ ? cameraIfUsable(*camera_, pixels_, sizeOf(*image)) : std::nullopt);
   mosaic_.follow(stamp, reference, h);
-  const Placement placement = mosaic_.place(stamp, colourImage(image));
+  const Placement placement = mosaic_.place(stamp, pictureOf(image, options_));
   place_milliseconds_ += util::millisecondsSince(start);
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;

@@ -19,6 +19,7 @@
 #include "bag/reader.h"
 #include "files/output_file.h"
 #include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/lens.h"
 #include "ktgp_orb/mosaic.h"
 #include "ktgp_orb/stabilizer.h"
 #include "ros/camera.h"
@@ -37,6 +38,7 @@ struct ViewOptions {
   std::string mosaic;  ///< png of the first map; mosaicOf() names the pictures of further maps
   std::string mosaic_poses;  ///< csv: the homographies from the map to the frames
   MosaicOptions map;
+  LensConstPtr lens;  ///< its distortion is removed before anything else; null: none
 };
 
 /// Adds --stabilize, --mosaic and the options that belong to them.

@@ -387,8 +387,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
     try {
       const sensor_msgs::CameraInfo info =
           camera ? *camera : readCameraInfo(bag, topic, "geometry " + parameters.geometry);
-      configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
-      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses a bad camera
+      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {
@@ -411,6 +410,11 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
     std::cerr << "ktgp_bag: mask_image " + util::printable(parameters.mask_image) + ": it " + idle +
                      '\n';
   }
+  configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
+  if (parameters.rectify && configuration.view.pixels == Pixels::rectified) {
+    throw std::invalid_argument("rectify is on, but the images on " + topic +
+                                " are rectified already (see the parameter calibration)");
+  }
   if (parameters.rectify) {
     if (kindOf(bag) != InputKind::bag) {
       throw std::invalid_argument(bag + ": rectify needs camera_info, which only a bag has");
@@ -419,6 +423,21 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   }
   setCamera(parameters, bag, topic, camera, configuration);
   return configuration;
+}
+
+/// The node follows a camera_info that changes; here the first one is used.
+void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
+  const bool is_used = arguments.parameters.rectify || !arguments.motion.path.empty() ||
+                       !arguments.targets.path.empty() ||
+                       arguments.parameters.geometry != "homography";
+  if (!is_used || kindOf(arguments.in) != InputKind::bag) return;
+  try {
+    const sensor_msgs::CameraInfo used = readCameraInfo(arguments.in, topic, "");
+    const std::string change = changeOfCameraInfo(arguments.in, topic, used);
+    if (!change.empty()) std::cerr << "ktgp_bag: " << change << '\n';
+  } catch (const UnusableBag&) {
+    // The part that needs it says so.
+  }
 }
 
 void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
@@ -452,6 +471,8 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   const auto camera = givenCamera(arguments);
   Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic(), camera);
+  arguments.views.lens = configuration.view.lens;
+  if (!camera) sayIfCameraChanges(arguments, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
     // The step between neighbouring images is no gap, however long it is.
     constexpr double kPeriods = 1.5;

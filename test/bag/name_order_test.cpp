@@ -103,5 +103,30 @@ TEST(NameOrder, ReportsNamesThatDiffer) {
   EXPECT_TRUE(oddNames({"left_1.png", "left_2.png", "right_1.png", "right_2.png"}).empty());
 }
 
+TEST(NameOrder, DecimalsMayHaveACommaAsFilesOfManyCountriesDo) {
+  Names names{"0,05.png", "0,033.png", "0,1.png", "0,067.png", "1,0.png"};
+  sortByNumbers(names);
+  EXPECT_EQ(names, (Names{"0,033.png", "0,05.png", "0,067.png", "0,1.png", "1,0.png"}));
+  Names tiles;  // row and column
+  for (const char* tile : {"1,10", "1,2", "1,20", "1,3", "2,1"}) tiles.emplace_back(tile);
+  sortByNumbers(tiles);
+  EXPECT_EQ(tiles, (Names{"1,2", "1,3", "1,10", "1,20", "2,1"}));
+}
+
+TEST(NameOrder, SeriesThatAlternateAreNamed) {
+  Names pairs, copies, apart;
+  for (int i = 1; i <= 12; ++i) {
+    const std::string number = std::to_string(i);
+    for (const char* side : {"_left.png", "_right.png"}) pairs.push_back(number + side);
+    for (const char* copy : {".jpg", " (1).jpg"}) copies.push_back("img" + number + copy);
+    for (const char* side : {"left_", "right_"}) apart.push_back(side + number + ".png");
+  }
+  for (Names* const names : {&pairs, &copies, &apart}) sortByNumbers(*names);
+  EXPECT_EQ(alternatingNames(pairs), (Names{"1_left.png", "1_right.png"}));
+  EXPECT_EQ(alternatingNames(copies).size(), 2u);
+  EXPECT_TRUE(alternatingNames(apart).empty());
+  EXPECT_TRUE(alternatingNames({"1.png", "2.png", "thumbnail.png", "3.png"}).empty());
+}
+
 }  // namespace
 }  // namespace ktgp_orb::bag

@@ -1214,6 +1214,42 @@ TEST(GroundMotion, ASingleStampThatWentBackChangesNothing) {
   }
 }
 
+// Only its time is wrong, not what it shows: the odometry goes on. After an hour the matcher has no
+// reference, so there is no homography.
+TEST(GroundMotion, ASingleStampAheadDoesNotEndTheOdometry) {
+  constexpr int kWrong = 25;  // no keyframe
+  for (const std::int64_t ahead : {500'000'000LL, 3'600'000'000'000LL}) {
+    const bool is_gap = ahead > 1'000'000'000;
+    Flight flight(mounted(), 1e-8);
+    Flight undisturbed(mounted(), 1e-8);
+    for (int i = 0; i < 45; ++i) {
+      const GroundEstimate right = undisturbed.step();
+      const GroundEstimate estimate = flight.step([&](GroundFrame& frame) {
+        if (i != kWrong) return;
+        frame.stamp += ahead;
+        if (is_gap) frame.answer.reset();
+      });
+      if (i == (is_gap ? kWrong : kWrong + 1)) {
+        EXPECT_EQ(estimate.status,
+                  is_gap ? GroundStatus::no_homography : GroundStatus::stamp_went_back);
+        continue;
+      }
+      if (i == 0) continue;
+      ASSERT_EQ(estimate.status, right.status) << i << ": " << toString(estimate.status);
+      EXPECT_LT(
+          (estimate.base_to_odometry.translation() - right.base_to_odometry.translation()).norm(),
+          0.01)
+          << i;
+      if (!is_gap && (i == kWrong || i == kWrong + 2)) {
+        EXPECT_EQ(estimate.has_twist, i == kWrong) << "the time since the one before is not known";
+        continue;
+      }
+      ASSERT_EQ(estimate.hasTwist(), right.hasTwist()) << i;
+      EXPECT_LT((estimate.twist - right.twist).norm(), 0.03) << i;  // of two frames after the gap
+    }
+  }
+}
+
 // Whoever takes SequenceMatch for a new frame although it is `repeated` gives it twice.
 TEST(GroundMotion, TheSameFrameAgainHasTheSameEstimate) {
   Flight flight(mounted(), 1e-8);

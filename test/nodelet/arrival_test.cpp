@@ -13,6 +13,7 @@
 #include "nodelet/image_store.h"
 #include "nodelet/input.h"
 #include "nodelet/worker.h"
+#include "ros/image_stamps.h"
 
 namespace ktgp_orb {
 namespace {
@@ -139,6 +140,20 @@ TEST(ImageStore, KeepsTheNewestOfANumberOfBytesAndCountsTheOthers) {
   EXPECT_EQ(store.put(image(15, 30)), 0U);
 }
 
+// Every second image repeats the one before, so it never gets a homography.
+TEST(ImageStore, ImagesThatWerePassedAreNotCounted) {
+  ImageStore store;
+  std::size_t gone = 0;
+  for (int i = 1; i <= 60; ++i) {
+    gone += store.put(image(i, 25000000));
+    if (i > 4 && i % 2 == 1) {
+      EXPECT_NE(store.take(second(i - 4)), nullptr) << i;
+    }
+  }
+  EXPECT_EQ(gone, 0U);
+  EXPECT_LE(store.bytes(), ImageStore::kBytes);
+}
+
 TEST(ImageStore, GivesImagesWithOneStampInTheirOrder) {
   ImageStore store;
   store.put(image(1, 10));
@@ -150,13 +165,63 @@ TEST(ImageStore, GivesImagesWithOneStampInTheirOrder) {
   EXPECT_EQ(store.bytes(), 0U);
 }
 
+using Wrong = ImageStamps::Wrong;
+
 TEST(ImageStamps, SaysWhichStampIsWrong) {
   ImageStamps stamps;
-  EXPECT_EQ(stamps.wrongWith(second(0)), ImageStamps::kZero);
-  EXPECT_EQ(stamps.wrongWith(second(5)), nullptr);
-  EXPECT_EQ(stamps.wrongWith(second(5)), ImageStamps::kAgain);
-  EXPECT_EQ(stamps.wrongWith(second(4)), ImageStamps::kBack);
-  EXPECT_EQ(stamps.wrongWith(second(6)), nullptr);
+  const ros::Time unknown;
+  EXPECT_EQ(stamps.wrongWith(second(0), unknown), Wrong::zero);
+  EXPECT_EQ(stamps.wrongWith(second(5), unknown), Wrong::nothing);
+  EXPECT_EQ(stamps.wrongWith(second(5), unknown), Wrong::again);
+  EXPECT_EQ(stamps.wrongWith(second(4), unknown), Wrong::back);
+  EXPECT_EQ(stamps.wrongWith(second(6), unknown), Wrong::nothing);
+  EXPECT_EQ(stamps.wrong(), second(4));
+  for (const int ahead : {100, 8, 9, 10}) stamps.wrongWith(second(ahead), unknown);
+  EXPECT_EQ(stamps.wrong(), second(100)) << "those after it go on from those before it";
+}
+
+TEST(ImageStamps, OneAheadOfItsTimeIsKnownByItsArrival) {
+  for (const double ahead : {0.5, 3600.0}) {
+    ImageStamps stamps;
+    for (int i = 0; i < 60; ++i) {
+      const double delay = i == 30 ? 0.08 : 0.02;  // s, of a computer that was busy once
+      const bool is_wrong = i == 3 || i == 20 || i == 45;
+      const double arrival = 1000.0 + i / 30.0 + delay;
+      const double stamp = 1000.0 + i / 30.0 + (is_wrong ? ahead : 0.0);
+      EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(arrival)),
+                is_wrong ? Wrong::ahead : Wrong::nothing)
+          << i << ", " << ahead;
+      if (is_wrong) {
+        EXPECT_NEAR(stamps.wrong().toSec(), stamp, 1e-6);
+      }
+    }
+  }
+}
+
+TEST(ImageStamps, AClockThatWasSetCostsOneImage) {
+  ImageStamps stamps;
+  int refused = 0;
+  for (int i = 0; i < 60; ++i) {
+    const ros::Time arrival(1000.0 + i / 30.0);
+    const ros::Time stamp(arrival.toSec() + (i < 30 ? 0.0 : 2.0));
+    refused += stamps.wrongWith(stamp, arrival) == Wrong::nothing ? 0 : 1;
+  }
+  EXPECT_EQ(refused, 1);
+}
+
+TEST(ImageStamps, StampsThatOnlyComeFasterOrLateAreRight) {
+  ImageStamps stamps;
+  const double delays[] = {0.02, 0.02, 0.02, 0.5, 0.47, 0.02, 0.02, 0.3, 0.02};  // overload
+  for (int i = 0; i < 90; ++i) {
+    const double stamp = 1000.0 + i / 30.0;
+    EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(stamp + delays[i % 9])), Wrong::nothing)
+        << i;
+  }
+  for (int i = 0; i < 90; ++i) {  // a recording that is played at four times its speed
+    const double stamp = 2000.0 + i / 30.0;
+    EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(2000.0 + i / 120.0)), Wrong::nothing)
+        << i;
+  }
 }
 
 TEST(SequenceNumbers, CountWhatIsBetweenUnlessTheCounterIsAnother) {

@@ -202,6 +202,11 @@ class ModuleTest(unittest.TestCase):
         self.assertGreater(len(features), 100)
         self.assertGreaterEqual(features.keypoints[:, 0].min(), 319)
 
+    def test_masks_that_hide_all_or_nothing_are_named(self):
+        for value, words in ((0, 'hides the whole image'), (1, 'hides nothing')):
+            with self.assertWarnsRegex(UserWarning, words):
+                ktgp.Extractor().extract(self.reference, np.full((480, 640), value, np.uint8))
+
     def test_masked_arrays_are_refused_unless_they_hide_nothing(self):
         """NumPy would drop their masks."""
         hidden = np.zeros(self.reference.shape, bool)

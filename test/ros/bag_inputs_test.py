@@ -1,5 +1,6 @@
 """ktgp_bag handles inputs like the nodelet: compressed topics, max_rate, roi, lens."""
 
+import copy
 import os
 
 import cv2
@@ -113,6 +114,40 @@ class BagInputsTest(FolderCase):
         self.run_bag('in.bag', '--rectify')
         self.assertEqual({m.rectified for m in self.output('homography')}, {True})
 
+    def test_matches_are_drawn_in_images_with_brightness_and_colours_apart(self):
+        def planes(image):
+            image.encoding, image.data = 'nv12', image.data + bytes([128]) * (len(image.data) // 2)
+            return image
+
+        def pairs(image):
+            grey = np.frombuffer(image.data, np.uint8).reshape(SIZE[::-1])
+            return image_message(np.dstack([grey, np.full_like(grey, 128)]), image.header.stamp, 'yuv422_yuy2')
+
+        for convert in (planes, pairs):
+            self.run_bag(self.write_bag(convert=convert), '--draw', 'd.mp4', '--overlay',
+                         words='%d homographies' % (FRAMES - 1))
+            self.assertEqual(cv2.VideoCapture(self.path('d.mp4')).get(cv2.CAP_PROP_FRAME_COUNT), FRAMES)
+            self.assertEqual({m.encoding for m in self.output('matches_image')}, {'bgr8'})
+
+    def test_a_calibration_that_changes_is_named(self):
+        """As of a lens that zooms; before that, the driver had none."""
+        for change in (1.0, 1.2):
+            with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+                for i, picture in enumerate(views(FRAMES)):
+                    stamp = rospy.Time.from_sec(1000 + i / 30)
+                    image, info = image_message(picture, stamp), calibration()
+                    info.header = image.header
+                    if i == 0:
+                        info.K = 9 * [0.0]
+                    elif i > FRAMES / 2:
+                        info.K = [change * info.K[0]] + info.K[1:]
+                    bag.write('/front/camera_info', info, stamp)
+                    bag.write('/front/image', image, stamp)
+            words = 'the camera_info on /front/camera_info changes: fx, cx, cy are 250.0, 160.0, 120.0 px at first ' \
+                    'and 300.0, 160.0, 120.0 px at the end'
+            self.assertEqual(words in self.run_bag('in.bag', '--rectify'), change > 1.0)
+            self.assertNotIn('changes', self.run_bag('in.bag'))
+
     def test_half_an_image_is_refused_as_a_file_is(self):
         def cut(image):
             message = compressed(image)
@@ -167,6 +202,13 @@ class BagInputsTest(FolderCase):
         for message in self.output('correspondences')[1:]:
             self.assertGreater(min(message.target_x), SIZE[0] // 2 - 1)
 
+    def test_a_mask_and_a_roi_that_leave_nothing_are_named(self):
+        left = np.zeros(SIZE[::-1], np.uint8)
+        left[:, :SIZE[0] // 2] = 255
+        cv2.imwrite(self.path('left.png'), left)
+        self.run_bag(self.write_bag(), '--mask_image', 'left.png', '--roi', '200 0 100 240', code=1,
+                     words='because: the masks and the roi together hide the whole image')
+
     def test_max_rate_skips_and_counts(self):
         self.run_bag(self.write_bag(), '--max_rate', '10')
         statistics = self.output('statistics')
@@ -199,6 +241,18 @@ class BagInputsTest(FolderCase):
         self.run_bag(self.write_bag(info=calibration()), '--rectify', '--topic', '/front/image')
         self.assertEqual({m.rectified for m in self.output('homography')}, {True})
         self.assertEqual([m.reason for m in self.output('statistics')], [1] + (FRAMES - 1) * [0])
+
+    def test_a_map_of_rectified_homographies_has_rectified_pictures(self):
+        distortion = np.array([-0.35, 0.1, 0.0, 0.0, 0.0])
+        grid = np.stack(np.meshgrid(*map(np.arange, SIZE)), axis=-1).reshape(-1, 1, 2).astype(float)
+        places = cv2.undistortPoints(grid, K, distortion, P=K).reshape(SIZE[1], SIZE[0], 2).astype(np.float32)
+        scene = cv2.GaussianBlur(texture(), (0, 0), 1.5)
+        seen = [cv2.remap(scene, places + np.float32([200 + 5 * i, 200]), None, cv2.INTER_LINEAR)
+                for i in range(FRAMES)]
+        self.run_bag(self.write_bag(seen, info=calibration(distortion)), '--topic', '/front/image', '--rectify',
+                     '--mosaic', 'map.png')
+        part = cv2.imread(self.path('map.png'))[60:180, 60:260, 0].astype(int)
+        self.assertLess(np.abs(part - scene[260:380, 260:460]).mean(), 3)
 
     def test_the_reason_for_no_camera_motion_is_reported(self):
         for info, words in ((None, "no camera_info on '/front/camera_info', which geometry auto needs"),
@@ -277,15 +331,17 @@ class BagMotionInputsTest(FolderCase):
         message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), 'camera'
         return message
 
-    def record(self, beside, stamp_of=lambda seconds: seconds, images=views(COUNT), rate=30):
+    def record(self, beside, stamp_of=lambda seconds: seconds, images=views(COUNT), rate=30,
+               topic='camera/image_raw', convert=lambda image: image, info=calibration(5 * [0.0]),
+               info_topic='camera/camera_info'):
         """The images with their camera_info, and `beside`: (arrival, topic, message)."""
         messages = list(beside)
         for i, picture in enumerate(images):
             arrival = 1000 + i / rate
             image = image_message(picture, rospy.Time.from_sec(stamp_of(arrival)))
-            info = calibration(5 * [0.0])
+            info = copy.copy(info)
             info.header = image.header
-            messages += [(arrival, 'camera/camera_info', info), (arrival, 'camera/image_raw', image)]
+            messages += [(arrival, info_topic, info), (arrival, topic, convert(image))]
         with rosbag.Bag(self.path('in.bag'), 'w') as bag:
             for arrival, topic, message in sorted(messages, key=lambda each: each[0]):
                 bag.write(topic, message, rospy.Time.from_sec(arrival))
@@ -319,6 +375,44 @@ class BagMotionInputsTest(FolderCase):
         back = [(1000.3, '/camera/range', self.range_at(100.0))]
         self.record(self.mount() + ranges + back)
         self.check(source=('--motion_height_source', 'range'))
+
+    def test_an_image_dated_ahead_is_left_out_and_named(self):
+        for ahead in (0.5, 3600.0):
+            self.record(self.mount(), stamp_of=lambda seconds, ahead=ahead: seconds + ahead * (
+                round(30 * (seconds - 1000)) == 20))
+            self.check(least=self.COUNT - 3, words=(
+                '1 image could not be used because: its header.stamp, %.6f, is %.3f s ahead of its time' % (
+                    1000 + 20 / 30 + ahead, ahead), '%d homographies' % (self.COUNT - 2)))
+            self.assertEqual([row['status'] for row in self.table('m.csv')[2:]], (self.COUNT - 3) * ['ok'])
+
+    def test_rectified_images_have_the_calibration_of_rectified_ones(self):
+        """P says 2 m, K and the distortion say something else."""
+        other = np.array([[200.0, 0.0, 150.0], [0.0, 200.0, 110.0], [0.0, 0.0, 1.0]])
+        info = information(other, (-0.3, 0.1, 0.0, 0.0, 0.0), size=SIZE, p=K)
+        for topic in ('camera/image_rect', 'camera/image_rect_color/compressed', 'camera/image_mono_rect',
+                      'camera/rectified/image/compressed'):
+            with self.subTest(topic=topic):
+                packed = compressed if topic.endswith('compressed') else lambda image: image
+                where = os.path.dirname(topic.replace('/compressed', '')) + '/camera_info'
+                self.record(self.mount(), topic=topic, convert=packed, info=info, info_topic=where)
+                self.check()
+                rectified = {m.rectified for m in messages_of(self.path('out.bag'),
+                                                              '/%s/matcher/homography' % os.path.dirname(where))}
+                self.assertEqual(rectified, {True})
+        self.record(self.mount(), topic='camera/image_raw', info=info)
+        run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--force', '--motion', 'm.csv', code=None)
+        self.assertIn('the images have lens distortion', run.stderr)
+
+    def test_a_reference_by_another_camera_gives_no_motion(self):
+        """Of a drawn map nobody knows K."""
+        self.record(self.mount())
+        cv2.imwrite(self.path('map.png'), texture()[50:650, 50:750])
+        run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--motion', 'm.csv',
+                               '--motion_height_source', 'parameter', '--motion_height', 2.0, '--reference_mode',
+                               'fixed', '--reference_image', 'map.png', code=None)
+        self.assertIn('from a reference of 700x600 to images of 320x240; expected a reference by the same camera',
+                      run.stderr)
+        self.assertEqual([row['vx'] for row in self.table('m.csv') if row['vx']], [])
 
     def test_images_that_come_twice_count_once(self):
         """At 60/s, as a driver sends them that publishes each image with two stamps."""

@@ -2,6 +2,7 @@
 
 #include <dynamic_reconfigure/Config.h>
 #include <gtest/gtest.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
@@ -166,17 +167,35 @@ TEST(GroundReadings, ASingleWrongStampLosesNoReading) {
     Stream stream;
     stream.addImu(1.99, 9.0);
     stream.frame(2.0);
+    const auto rate_at = [](double stamp) { return 100.0 * (stamp - 2.0); };
     for (const double stamp : {2.01, 2.02, 2.03}) {
-      stream.addImu(stamp, 3.0);
+      stream.addImu(stamp, rate_at(stamp));
       if (stamp == 2.02) stream.addImu(wrong, 3.0);
     }
     EXPECT_FALSE(stream.readings.complete(stream.image(2.05))) << wrong;
-    for (const double stamp : {2.04, 2.05, 2.06}) stream.addImu(stamp, 3.0);
+    for (const double stamp : {2.04, 2.05, 2.06}) stream.addImu(stamp, rate_at(stamp));
     EXPECT_TRUE(stream.readings.complete(stream.image(2.05))) << wrong;
     const GroundFrame frame = stream.frame(2.05);
     ASSERT_TRUE(frame.turn) << wrong;
     EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.05 * 3.0, 1e-6) << wrong;
   }
+}
+
+// A drawn map, say, of which K is not known.
+TEST(GroundReadings, AReferenceOfAnotherSizeIsRefused) {
+  Stream stream;
+  HomographyStamped h;
+  h.header = Stream::image(1.0);
+  h.status = MatchStatus::STATUS_OK;
+  h.homography[0] = h.homography[4] = h.homography[8] = 1.0;
+  h.image_width = h.reference_width = 640;
+  h.image_height = h.reference_height = 480;
+  const auto use = [&] { stream.readings.frameOf(h, {640, 480}, stream.info, Pixels::raw); };
+  EXPECT_EQ(test::refusalOf(use), "");
+  h.reference_width = h.reference_height = 1000;
+  test::expectSays(test::refusalOf(use),
+                   "from a reference of 1000x1000 to images of 640x480; expected a reference by "
+                   "the same camera");
 }
 
 // A gimbal, or a joint_state_publisher: the transform after the image comes later than its match.

@@ -402,6 +402,57 @@ TEST(CompressedImages, HalfOfOneIsRefusedAsAFileIs) {
   }
 }
 
+sensor_msgs::CompressedImage jpeg(const cv::Mat& pixels, int restart_interval) {
+  sensor_msgs::CompressedImage message;
+  message.format = "jpeg";
+  cv::imencode(".jpg", pixels, message.data,
+               {cv::IMWRITE_JPEG_QUALITY, 90, cv::IMWRITE_JPEG_RST_INTERVAL, restart_interval});
+  return message;
+}
+
+// As drivers of MJPEG cameras send them, which append the end to what has come. OpenCV gives no
+// warning.
+TEST(CompressedImages, LostDataAreNoticedAlthoughTheEndIsThere) {
+  const cv::Mat texture = test::noiseImage({210, 150}, 3);
+  cv::Mat colours;
+  cv::merge(std::vector<cv::Mat>{texture, 255 - texture, texture}, colours);
+  for (const cv::Mat& pixels : {texture, colours}) {
+    for (const int interval : {0, 7}) {
+      const sensor_msgs::CompressedImage whole = jpeg(pixels, interval);
+      EXPECT_NO_THROW(decodedImage(whole));
+      for (const double share : {0.4, 0.7, 0.95}) {
+        const auto middle = static_cast<std::ptrdiff_t>(share * whole.data.size());
+        sensor_msgs::CompressedImage cut = whole;
+        cut.data.erase(cut.data.begin() + middle, cut.data.end() - 2);
+        expectRefused<RefusedImage>([&] { decodedImage(cut); }, "is damaged: data are missing");
+        sensor_msgs::CompressedImage hole = whole;
+        hole.data.erase(hole.data.begin() + middle - 1500, hole.data.begin() + middle - 500);
+        if (interval > 0) continue;  // a decoder goes on with the next part
+        expectRefused<RefusedImage>([&] { decodedImage(hole); }, "is damaged: data are missing");
+      }
+    }
+  }
+}
+
+TEST(CompressedImages, GreyOnesAreWhole) {
+  for (const int interval : {0, 5}) {
+    for (const cv::Size size : {cv::Size(64, 48), cv::Size(67, 49), cv::Size(3, 2)}) {
+      for (const int type : {CV_8UC1, CV_8UC3}) {
+        const cv::Mat pixels(size, type, cv::Scalar::all(128));
+        EXPECT_NO_THROW(decodedImage(jpeg(pixels, interval))) << size << type;
+      }
+    }
+  }
+  cv::Mat half = test::noiseImage({211, 147}, 4);
+  half.rowRange(70, 147).setTo(128);
+  EXPECT_NO_THROW(decodedImage(jpeg(half, 0)));
+  std::vector<std::uint8_t> progressive;
+  cv::imencode(".jpg", half, progressive, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  sensor_msgs::CompressedImage message;
+  message.data = progressive;
+  EXPECT_NO_THROW(decodedImage(message));
+}
+
 // A large picture of one colour is small when compressed.
 TEST(CompressedImages, AreBoundedBeforeTheyAreDecoded) {
   for (const char* ending : {".png", ".jpg", ".bmp", ".tiff", ".webp"}) {
@@ -542,6 +593,14 @@ TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
                                            {"/camera/image_rect/theora", true},
                                            {"/camera/image_rect/relay", true},
                                            {"image_rect", true},
+                                           {"/kinect2/hd/image_color_rect", true},
+                                           {"/kinect2/hd/image_mono_rect/compressed", true},
+                                           {"/camera/infra1/image_rect_raw", true},
+                                           {"/camera/rectified/image", true},
+                                           {"/camera/rectified/image_mono/compressed", true},
+                                           {"/camera/rectified/image_raw", false},
+                                           {"/camera/image_direct", false},
+                                           {"/camera/rectangles/image", false},
                                            {"image_rect/compressed", true},
                                            {"/camera/image_raw", false},
                                            {"/camera/image_raw/compressed", false},
@@ -555,6 +614,7 @@ TEST(ImageTopics, AreRectifiedByTheirNameWithoutTheTransport) {
     EXPECT_EQ(pixelsFrom("raw", topic), Pixels::raw);
     EXPECT_EQ(pixelsFrom("rectified", topic), Pixels::rectified);
   }
+  EXPECT_EQ(pixelsOf("/resize/image"), std::nullopt) << "as if by any resizer";
   EXPECT_EQ(rawTopic("/camera/image_raw/compressedDepth"), "/camera/image_raw");
   EXPECT_EQ(rawTopic("/camera/image_raw"), "/camera/image_raw");
 }
@@ -686,6 +746,39 @@ TEST(MatcherOverlay, HasTheColoursOfTheCamera) {
   matcher.process(message);
   EXPECT_GT(cv::mean(cv_bridge::toCvShare(matcher.overlay(message))->image)[0], 40.0)
       << "12 bits are stretched";
+}
+
+TEST(MatcherOverlay, IsDrawnForEveryEncodingThatIsTaken) {
+  for (const auto& [name, expected] : taken()) {
+    MessageMatcher matcher(configurationFrom(Parameters(), 0));
+    const auto message = messageOf(name, expected.pixels);
+    matcher.process(message);
+    const cv::Mat picture = cv_bridge::toCvShare(matcher.overlay(message))->image;
+    ASSERT_EQ(picture.size(), cv::Size(kWidth, kHeight)) << name;
+    cv::Mat grey;
+    cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
+    const cv::Rect corner(kWidth - 20, kHeight - 20, 16, 16);  // without words and points
+    EXPECT_LT(std::abs(cv::mean(grey(corner))[0] - cv::mean(expected.grey(corner))[0]), 80.0)
+        << name;
+  }
+}
+
+// Or motion in metres would take K for P.
+TEST(MessageMatcher, SaysThatTheImagesAreRectifiedAlready) {
+  for (const Pixels pixels : {Pixels::raw, Pixels::rectified}) {
+    Configuration configuration = configurationFrom(Parameters(), 0);
+    configuration.view.pixels = pixels;
+    MessageMatcher matcher(configuration);
+    const auto message = messageOf("mono8", test::noiseImage({320, 240}, 1));
+    matcher.process(message);
+    message->header.stamp = ros::Time(1);
+    message->data[0] ^= 1;
+    const MatchedFrame frame = matcher.process(message);
+    const bool is_rectified = pixels == Pixels::rectified;
+    EXPECT_EQ(toHomography(frame)->rectified != 0, is_rectified);
+    ASSERT_NE(toCorrespondences(frame), nullptr);
+    EXPECT_EQ(toCorrespondences(frame)->rectified != 0, is_rectified);
+  }
 }
 
 // Other options find its features anew, in another frame of the same image.

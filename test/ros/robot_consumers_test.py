@@ -25,7 +25,7 @@ class ConsumersTest(unittest.TestCase):
         cls.homographies = rospy.Publisher('/large/matcher/homography', HomographyStamped,
                                            queue_size=100)
         cls.camera = Camera()
-        cls.large = Camera('/large/image_raw')
+        cls.large = Camera('/large/image')
         cls.steady = [Recorder('%s/image' % name, Image) for name in (
             '/camera/stabilizer_of_a_name', '/camera/stabilizer_of_a_type', '/large/stabilizer')]
         cls.poses = [Recorder(name + '/homography', HomographyStamped) for name in (

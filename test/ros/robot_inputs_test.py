@@ -113,6 +113,11 @@ class InputsTest(MatcherCase):
         self.mask.publish(image_message(np.full((HEIGHT, WIDTH), 255, np.uint8), rospy.Time(1)))
         self.diagnostics.wait_for_words('hides nothing: only black (0) and transparent pixels hide')
 
+    def test_a_mask_that_hides_all_is_refused(self):
+        self.addCleanup(self.mask.publish, Image())
+        self.mask.publish(image_message(np.zeros((HEIGHT, WIDTH), np.uint8), rospy.Time(1)))
+        self.log.wait_for_words('the mask on /camera/matcher/mask is refused, the old one stays: it hides the whole image')
+
     def test_a_mask_of_another_size_is_reported(self):
         refused = self.send_view().refused_frames
         with tempfile.NamedTemporaryFile(suffix='.png') as file:

@@ -6,6 +6,7 @@ import unittest
 import cv2
 import numpy as np
 import rospy
+from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped
 from ktgp_testing import Camera, Diagnostics, Recorder, image_message, mapped, view, wait_until
 
@@ -51,6 +52,13 @@ class ScaledTest(unittest.TestCase):
 
     def test_homographies_of_another_shape_are_refused(self):
         self.diagnostics.wait_for_words('cannot be scaled', lambda: self.send((320, 320)) and rospy.sleep(0.05))
+
+    def test_homographies_of_another_kind_of_pixels_are_refused(self):
+        matcher = Client('/camera/matcher', timeout=30)
+        matcher.update_configuration({'calibration': 'rectified'})
+        self.diagnostics.wait_for_words('are of rectified images, and do not fit the raw ones on /camera/image_raw',
+                                        lambda: self.send() and rospy.sleep(0.05))
+        matcher.update_configuration({'calibration': 'by_name'})
 
     def test_stamps_of_zero_are_named(self):
         self.diagnostics.wait_for_words('have stamps of zero', lambda: self.send(stamp=rospy.Time()) and

@@ -3,6 +3,7 @@
 import time
 
 import cv2
+import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_testing import FolderCase, Log, Program, Recorder, view, wait_until
@@ -63,7 +64,11 @@ class StartupTest(FolderCase):
         def send(data, stamp):
             camera.publish(CompressedImage(header=Header(stamp=stamp), format='jpeg', data=data))
 
-        def match_two_images():
+        bomb = cv2.imencode('.png', np.zeros((9000, 9000), np.uint8))[1].tobytes()
+        refused = {b'no image': 'compressed image (format "jpeg") is no JPEG, PNG, TIFF, WebP or BMP',
+                   bomb: 'compressed image (format "jpeg") has 81.0 megapixels; expected 64 at most'}
+
+        def match_two_images(then):
             number = len(answers.messages())
 
             def matched():
@@ -72,15 +77,14 @@ class StartupTest(FolderCase):
                 time.sleep(0.1)
                 return any(m.status == MatchStatus.STATUS_OK for m in answers.messages()[number:])
             wait_until(matched, 'compressed images are matched')
-            send(b'no image', rospy.Time.now())
+            send(then, rospy.Time.now())
 
-        expected = ('matches images on /other/picture',
-                    'compressed image (format "jpeg") is no JPEG, PNG, TIFF, WebP or BMP')
-        for arguments in (('image:=picture', 'transport:=compressed'), ('image:=picture/compressed',)):
+        ways = ('image:=picture', 'transport:=compressed'), ('image:=picture/compressed',)
+        for arguments, (data, words) in zip(ways, refused.items()):
             # The first line is on standard output, which is written at the end.
-            output = output_of_node(*arguments, until=('started with pid',), look=match_two_images,
-                                    after=expected[1:])
-            self.assertIn(expected[0], output)
+            output = output_of_node(*arguments, until=('started with pid',), look=lambda: match_two_images(data),
+                                    after=(words,))
+            self.assertIn('matches images on /other/picture', output)
         camera.unregister()
 
     def test_a_missing_transport_names_its_package(self):

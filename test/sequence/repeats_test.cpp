@@ -195,6 +195,26 @@ TEST(SequenceMatcher, ASingleStampThatGoesBackBreaksNoChain) {
   }
 }
 
+// Half a second is less than max_age, so the frame is matched; an hour is a gap.
+TEST(SequenceMatcher, ASingleStampAheadBreaksNoChain) {
+  for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
+    for (const double wrong : {0.5, 3600.0}) {
+      SequenceMatcher matcher(sequenceOf(mode));
+      for (int i = 0; i < 16; ++i) {
+        const bool is_wrong = i == 5 || i == 10;
+        const double seconds = 10.0 + i / 30.0 + (is_wrong ? wrong : 0.0);
+        const bool is_left_out = wrong < 1.0 ? i == 6 || i == 11 : is_wrong;
+        const SequenceMatch& match = matcher.match(taken(kStep * i, i), seconds);
+        EXPECT_EQ(match.accumulated.has_value(), i > 0 && !is_left_out) << i << ", " << wrong;
+        if (match.accumulated) {
+          test::expectTranslation(match.accumulated->homography, -kStep * i, 0.0, 1.0);
+          EXPECT_EQ(match.first_stamp, 10'000'000'000) << i;
+        }
+      }
+    }
+  }
+}
+
 TEST(SequenceMatcher, ALoopedRecordingBeginsAnew) {
   SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
   for (int i = 0; i < 12; ++i) {
