@@ -62,12 +62,24 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
 
 void GroundFilter::setReadout(double seconds) {
   constexpr double kShare = 0.1;  // share of the given value
-  const bool is_known = seconds != -1.0;
-  readout_ = is_known ? seconds : 0.0;
-  const double deviation = is_known ? kShare * std::abs(readout_) : util::kUnknownReadout;
+  is_known_ = seconds != -1.0;
+  readout_ = is_known_ ? seconds : 0.0;
+  allowed_ = 0.0;
+  const double deviation = kShare * std::abs(readout_);  // of one that is not known: allowReadout()
   covariance_.row(kReadout).setZero();
   covariance_.col(kReadout).setZero();
   covariance_(kReadout, kReadout) = deviation * deviation;
+}
+
+/// A readout time that is not known is anywhere up to the time between two images, in both
+/// directions. Frames that are far apart say less: nearly every camera takes 30 images a second.
+void GroundFilter::allowReadout(double seconds) {
+  constexpr double kLongest = 1.0 / 30.0;  // s
+  constexpr double kUniform = 3.0;         // square of a range in units of its variance
+  const double longest = std::min(seconds, kLongest);
+  if (is_known_ || !(longest > allowed_)) return;
+  covariance_(kReadout, kReadout) += (longest * longest - allowed_ * allowed_) / kUniform;
+  allowed_ = longest;
 }
 
 void GroundFilter::limitReadout(double seconds) {

@@ -39,7 +39,10 @@ class GroundFilter {
 
   /// Readout time of the shutter, s; 0: a global shutter, -1: not known.
   void setReadout(double seconds);
-  /// Limits the readout time to `seconds`, because an image is read before the next image begins.
+  /// An image has been read when the next one begins: the readout time is at most `seconds`, the
+  /// time between two images. Before the first homography of the later one.
+  void allowReadout(double seconds);
+  /// The same after it, for the estimate.
   void limitReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
@@ -124,7 +127,9 @@ class GroundFilter {
   Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();  // G: image of the keyframe -> ground
   CameraPose before_;
   CameraPose now_;
-  double readout_ = 0.0;  // s
+  double readout_ = 0.0;   // s
+  double allowed_ = 0.0;   // the longest readout time that the covariance allows for, s
+  bool is_known_ = false;  // the readout time was given
   StateCovariance covariance_ = StateCovariance::Zero();
   // The two constraints of the newest homography, scaled to unit noise, and their derivatives by
   // the readout time and the map.

@@ -106,6 +106,8 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   if (goesBack(frame)) return estimate;
   before_stamp = newest_stamp;
   newest_stamp = frame.stamp;
+  filter.allowReadout(
+      1e-9 * static_cast<double>(frame.stamp - (has_frame ? before_stamp : frame.reference_stamp)));
   newest_homography = homography;
   has_frame = true;
   addTurn(frame);

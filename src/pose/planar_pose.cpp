@@ -268,8 +268,9 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
-  // The readout of an image ends before the next image begins.
-  const double deviation = std::min(util::kUnknownReadout, seconds);
+  // An image has been read when the next one begins: the readout time is anywhere up to `seconds`,
+  // in both directions.
+  const double deviation = std::min(util::kUnknownReadout, seconds / std::sqrt(3.0));
   const Vector8 change =
       util::entriesOf(
           withoutShutter(now, before, seconds, deviation, reference_size, rows).homography) -

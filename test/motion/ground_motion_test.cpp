@@ -953,6 +953,64 @@ TEST(GroundMotion, HoverKeepsPlaceAndCovariance) {
     ASSERT_TRUE(found.hasTwist()) << i;
     const Eigen::Vector3d error = (found.twist - flight.twist(i)).head<3>();
     twists.add(error, found.twist_covariance);
+/// A straight flight along the columns does not show the readout time, and as much as it is wrong,
+/// the velocity is: the covariance has it.
+TEST(GroundMotion, VelocityOfAStraightFlightHasTheDoubtOfTheShutter) {
+  for (const int keyframe_every : {1, 5}) {
+    test::Normalised along;
+    double worst = 0.0;
+    for (const double readout : {0.0, 0.015, 0.02, 0.025}) {
+      for (const double speed : {2.0, -3.0, 4.0}) {
+        RollingFlight flight;
+        flight.readout = readout;
+        flight.noise = 3e-4;
+        flight.seed = static_cast<unsigned>(10.0 + speed + 1e4 * readout);
+        flight.posed = [&](double t) {
+          return CameraPose{downward().linear(), Eigen::Vector3d(0.0, speed * t, 2.0)};
+        };
+        GroundMotion ground(optionsWith(downward()));
+        constexpr int kFrames = 300;
+        for (int i = 1; i < kFrames; ++i) {
+          const GroundEstimate& found =
+              ground.add(flight.at(i, (i - 1) / keyframe_every * keyframe_every));
+          if (i < 60) continue;
+          ASSERT_TRUE(found.hasTwist()) << i;
+          const Eigen::Vector3d error = (found.twist - flight.twist(i)).head<3>();
+          const Eigen::Matrix3d covariance = found.twist_covariance.topLeftCorner<3, 3>();
+          along.add(Eigen::Matrix<double, 1, 1>(error.y()),
+                    Eigen::Matrix<double, 1, 1>(covariance(1, 1)));
+          worst = std::max(worst, std::abs(error.y()) / std::sqrt(covariance(1, 1)));
+        }
+      }
+    }
+    std::printf("a keyframe every %d: mean square %.2f, worst %.2f deviations\n", keyframe_every,
+                along.mean(), worst);
+    EXPECT_LT(worst, 3.5) << keyframe_every;
+    EXPECT_LT(along.mean(), 1.5) << keyframe_every;
+  }
+}
+
+/// An image has been read when the next one begins.
+TEST(GroundMotion, UnknownReadoutTimeIsAtMostTheTimeBetweenTwoImages) {
+  RollingFlight flight;
+  flight.posed = [](double t) {
+    return CameraPose{downward().linear(), Eigen::Vector3d(0.0, 2.0 * t, 2.0)};
+  };
+  for (const int rate : {30, 120, 5}) {
+    GroundMotion ground(optionsWith(downward()));
+    GroundEstimate last;
+    for (int i = 1; i < 20; ++i) {
+      GroundFrame frame = flight.at(i, i - 1);
+      frame.stamp = test::stampOf(0) + std::llround(1e9 * i / rate);
+      frame.reference_stamp = test::stampOf(0) + std::llround(1e9 * (i - 1) / rate);
+      last = ground.add(frame);
+    }
+    const double longest = 1.0 / std::max(rate, 30);  // s
+    EXPECT_LE(last.readout_deviation, longest / std::sqrt(3.0) + 1e-6) << rate;
+    EXPECT_GT(last.readout_deviation, 0.9 * longest / std::sqrt(3.0)) << rate;
+  }
+}
+
   }
   EXPECT_LT(twists.mean(), 8.0);
   EXPECT_GT(twists.mean(), 1.51);
