@@ -55,8 +55,7 @@ struct TwoViewOptions {
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
   bool homography = true;     ///< false: only an epipolar geometry is looked for
   /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
-  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
-  /// geometry.
+  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of every geometry.
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
@@ -128,8 +127,9 @@ struct TwoView {
   std::optional<OtherMotion> other;
   /// Covariance of small changes of the translation (x, y, z) and small rotations about the target
   /// camera's axes (rad), in this order. The length of the translation is fixed, so it has rank 5;
-  /// 3 for a rotation, with a translation of variance 0. Where there is `other`, it spans both
-  /// motions. NaN without K or where it is not known.
+  /// 6 for a rotation, with the variance of a translation too small to see, in units of the
+  /// distance of the scene. Where there is `other`, it spans both motions. NaN without K or where
+  /// it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Median angle between the two rays of an inlier, degrees; NaN without K.
   double parallax = 0.0;
