@@ -53,9 +53,9 @@ struct TwoViewOptions {
   int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
-  bool homography = true;     ///< false: only an epipolar geometry is searched
-  /// Standard deviation of errors of the calibration, the shutter and the lens, px, >= 0. They vary
-  /// linearly over the image and do not show in residuals; the epipolar covariance contains them.
+  bool homography = true;     ///< false: only an epipolar geometry is looked for
+  /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
+  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of every geometry.
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
@@ -127,9 +127,10 @@ struct TwoView {
   double probability = 0.0;
   std::optional<OtherMotion> other;
   /// Covariance of small changes of the translation (x, y, z) and small rotations about the target
-  /// camera's axes (rad), in this order. The length of the translation is fixed, so the covariance
-  /// has rank 5, or 3 for a rotation, whose translation has variance 0. If there is `other`, the
-  /// covariance spans both motions. NaN without K or if it is not known.
+  /// camera's axes (rad), in this order. The length of the translation is fixed, so it has rank 5;
+  /// 6 for a rotation, with the variance of a translation too small to see, in units of the
+  /// distance of the scene. Where there is `other`, it spans both motions. NaN without K or where
+  /// it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Median angle between the two rays of an inlier, degrees; NaN without K.
   double parallax = 0.0;

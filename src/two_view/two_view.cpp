@@ -63,7 +63,9 @@ struct TwoViewEstimator::Impl {
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
   bool isTurn(const PointPairs& pairs) const;
-  void doubtRepetition(const TwoViewInput& input, TwoView& result) const;
+  void doubtRepetition(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  double repeatedBy(const PointPairs& pairs, const std::vector<double>& deviations,
+                    const TwoView& result);
   bool movesInOneRegion(const PointPairs& pairs, const TwoView& result) const;
   void doubtTheTravel(TwoView& result) const;
   bool setMotions(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
@@ -135,7 +137,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
     if (setEpipolar(pairs, input, result)) {
       if (isMirrored(pairs, result)) return refuse(Doubt::mirrored, result);
-      return doubtRepetition(input, result);
+      return doubtRepetition(pairs, input, result);
     }
     result.status = Status::model_rejected;
     result.doubt = Doubt::undetermined;
@@ -147,7 +149,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   } else {
     setPlane(pairs, input, result);
   }
-  doubtRepetition(input, result);
+  doubtRepetition(pairs, input, result);
 }
 
 bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
@@ -287,13 +289,14 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
 /// that of a turn: such a translation does not count.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
+  constexpr double kPoor = 10.0;     // a poor calibration has so many times the usual errors
   if (!cameras || !std::isfinite(log_rotation)) return false;
   const Eigen::Matrix<double, 8, 1> difference =
       util::entriesOf(plane.answer.homography) -
       util::entriesOf(cameras->homographyOf(turn.rotation()));
   const Eigen::Matrix<double, 8, 8> covariance =
       plane.answer.covariance +
-      two_view::sharedCovariance(pairs, plane.answer.homography, options.shared_error);
+      two_view::sharedCovariance(pairs, plane.answer.homography, kPoor * options.shared_error);
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
@@ -338,12 +341,13 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
 /// The most precise pairs are those whose patches look alike, and nearly all of them agree with a
 /// right motion: 85 % or more in 340 of 351 pairs of 21 sets. Where a texture repeats itself, many
 /// do not, as in all 20 pairs of a drawn facade and a chessboard. The motion may then be wrong by
-/// any number of periods.
-void TwoViewEstimator::Impl::doubtRepetition(const TwoViewInput& input, TwoView& result) const {
+/// as much as these are off.
+void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
+                                             TwoView& result) {
   constexpr double kLeastShare = 0.85;
   constexpr std::size_t kFew = 8;      // pairs that do not agree
-  constexpr double kOpenTurn = 0.2;    // rad, standard deviation
-  constexpr double kOpenAcross = 1.0;  // rad, of the direction of the translation
+  constexpr double kOpenTurn = 0.2;    // rad, largest standard deviation
+  constexpr double kOpenAcross = 1.0;  // rad, the same of the direction of the translation
   if (!cameras || input.deviations == nullptr) return;
   std::size_t precise = 0;
   std::size_t agree = 0;
@@ -357,10 +361,33 @@ void TwoViewEstimator::Impl::doubtRepetition(const TwoViewInput& input, TwoView&
     return;
   }
   result.doubt = Doubt::repetitive;
+  const double off = repeatedBy(pairs, *input.deviations, result);
+  const double turn_off = std::min(off / cameras->target(0, 0), kOpenTurn);
+  const double parallax = result.parallax * kPi / 180.0;
+  const double across = std::min(kOpenAcross, turn_off / std::max(parallax, 1e-6));
   const Eigen::Vector3d& t = result.pose.translation;
   result.pose_covariance.topLeftCorner<3, 3>() +=
-      kOpenAcross * kOpenAcross * (Eigen::Matrix3d::Identity() - t * t.transpose());
-  result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += kOpenTurn * kOpenTurn;
+      across * across * (Eigen::Matrix3d::Identity() - t * t.transpose());
+  result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += turn_off * turn_off;
+}
+
+/// By how much the precise pairs that do not agree are off, px: the median.
+double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
+                                          const std::vector<double>& deviations,
+                                          const TwoView& result) {
+  constexpr double kOfSampson = 2.0;  // for the errors of both images, and along the line
+  const bool is_epipolar = result.geometry == Geometry::epipolar;
+  angles.clear();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (deviations[i] > 1.0 || result.mask[i] != 0) continue;
+    const Eigen::Vector2d& x = pairs.reference[i];
+    const Eigen::Vector2d& u = pairs.target[i];
+    angles.push_back(is_epipolar ? kOfSampson * two_view::sampson(result.fundamental, x, u)
+                                 : homography::errorOf(result.homography, x, u));
+  }
+  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
+  std::nth_element(angles.begin(), middle, angles.end());
+  return *middle;
 }
 
 /// Adds the turn as the other explanation: the direction of the translation is then open.
@@ -567,9 +594,12 @@ Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
                                                          : Doubt::other_motion;
 }
 
+/// Calibrated cameras have 0.02 to 0.06 px. With 0.05 px the medians of e'S^-1e are 1.0 to 3.0 on
+/// six drawn scenes with a translation (4.35 is right), with 0.5 px 0.04 to 1.9; on KITTI and
+/// Strecha 3.6 to 4.8.
 TwoViewOptions TwoViewOptions::realCameras() {
   TwoViewOptions options;
-  options.shared_error = 0.5;
+  options.shared_error = 0.05;
   return options;
 }
 
