@@ -123,6 +123,9 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
   if (!fs::is_regular_file(path, none)) {
     refuse(path, "is neither a folder nor a file; expected one of them");
   }
+  if (isImageName(path)) {
+    refuse(path, "is a picture; expected a folder of pictures, or a YAML list of targets");
+  }
   std::vector<TargetEntry> entries;
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAllFromFile(path);

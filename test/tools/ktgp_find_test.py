@@ -210,6 +210,7 @@ class KtgpFind(ToolCase):
         os.mkfifo(self.folder / "pipe")
         lists.update({"missing": (None, f"is missing; expected a folder or a YAML list; it was looked for in "
                                   f"{self.folder}"), "empty": (None, "without images"),
-                      "pipe": (None, "neither a folder nor a file")})
+                      "pipe": (None, "neither a folder nor a file"),
+                      "scene.pgm": (None, "is a picture; expected a folder of pictures")})
         for name, (_, reason) in lists.items():
             self.find("scene.pgm", name, code=2, words=reason)

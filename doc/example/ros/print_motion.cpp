@@ -10,6 +10,6 @@ void print(const ktgp_orb::HomographyStamped& h) {
 int main(int argc, char** argv) {
   ros::init(argc, argv, "print_motion");
   ros::NodeHandle node;
-  const ros::Subscriber subscriber = node.subscribe("/usb_cam/matcher/homography", 10, print);
+  const ros::Subscriber subscriber = node.subscribe("/camera/matcher/homography", 10, print);
   ros::spin();
 }
