@@ -8,6 +8,7 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
 
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -43,16 +44,30 @@ const char* toString(Placement placement);
 enum class LostBecause : std::uint8_t {
   nothing,    ///< it is not lost
   unmatched,  ///< neither the homographies nor the keyframes lead to it
-  repeats,    ///< the ground has a repeating pattern; the frame may show any of its repetitions
-  zoomed,     ///< its scale in the map is not within 1/4..4: the camera turned, tilted or rose far
+  repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
+  zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
+  moved,      ///< the map is a panorama, and the camera has moved aside
+};
+
+/// The map of a camera that only turns is drawn on a cylinder around it. A ray of the first frame's
+/// camera, K_inv p, is split into x to the right, y along `axis` and z ahead, in the plane of the
+/// axis and the first frame's optical axis. It is drawn at (cx + fx atan2(x, z), cy + fx y /
+/// |x,z|), plus any number of full turns.
+struct Panorama {
+  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turn, in the first frame's camera
+  bool is_estimated = false;  ///< the homographies told K; otherwise setCamera() did
+  double degrees = 0.0;       ///< what the map shows of a full turn, 0..360
+  double closed_off = 0.0;    ///< px between end and beginning, where a full turn met its beginning
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
 ///
-/// A frame is drawn when the view has moved by 0.03 of its width. The newest frame is also drawn
-/// when image() is called or the map is finished. Frames without a connection are searched in the
-/// map for at least a second and three frames before a new map begins. The map extends the pixel
-/// coordinates of its first frame. An instance belongs to one thread at a time.
+/// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
+/// is called or the map is finished. One that is not connected is searched in the map for a second,
+/// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
+/// first frame, continued on all sides; where the camera has turned by more than 20 degrees, and
+/// only turned, those of a Panorama. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -65,8 +80,12 @@ class Mosaic {
   /// Applies from the next frame on; the map stays. Throws as the constructor does.
   void setOptions(const MosaicOptions& options);
 
-  /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call it for
-  /// every frame, in order, even for frames that you do not place.
+  /// K of the images, px, without distortion; empty: not known. It is used for the next map, and
+  /// for this one while it is a plane. A panorama needs it, or homographies that tell it.
+  void setCamera(const std::optional<Eigen::Matrix3d>& camera);
+
+  /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
+  /// every frame, in order, also for frames that are not placed.
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
@@ -76,11 +95,17 @@ class Mosaic {
   /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Homography from the map to the last placed frame, px; empty if that frame is lost.
+  /// Pose of the last placed frame, the homography first frame of the map -> frame, px; empty if it
+  /// is lost. In a panorama it is K R K_inv with determinant 1, so that points of the first frame's
+  /// plane with a positive third coordinate are in front of the camera.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
-  /// Stamp of the first frame of the map, ns.
+  /// The reason for users, with what was tested, where that is zoomed or moved; else empty.
+  std::string whyLost() const;
+  /// Of the map, if it is drawn on a cylinder.
+  std::optional<Panorama> panorama() const;
+  /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 
   /// The map as CV_8UC4 (BGR and alpha, 0 for unseen parts); empty before the first frame is drawn.

@@ -76,6 +76,10 @@ std::vector<Eigen::Matrix3d> Keyframes::locate(const Features& features,
   return places;
 }
 
+void Keyframes::move(const std::function<Eigen::Matrix3d(const Eigen::Matrix3d&)>& to) {
+  for (Keyframe& keyframe : keyframes_) keyframe.from_map = to(keyframe.from_map);
+}
+
 void Keyframes::clear() {
   keyframes_.clear();
   plane_deviation_ = 0.0;

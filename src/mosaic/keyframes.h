@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -28,6 +29,8 @@ class Keyframes {
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
 
   void add(Features features, const Eigen::Matrix3d& from_map);
+  /// Changes all positions, map -> frame.
+  void move(const std::function<Eigen::Matrix3d(const Eigen::Matrix3d&)>& to);
   std::size_t size() const { return keyframes_.size(); }
   void clear();
   /// Running mean of the deviations from a plane between located frames and their keyframes, px.

@@ -15,6 +15,8 @@
 #include "metrics/repetition.h"
 #include "mosaic/keyframes.h"
 #include "mosaic/tile_map.h"
+#include "mosaic/turn.h"
+#include "util/format.h"
 #include "util/names.h"
 #include "util/options_check.h"
 
@@ -22,12 +24,11 @@ namespace ktgp_orb {
 namespace {
 
 using mosaic::TileMap;
+using mosaic::Turn;
 
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
-// Limit of a frame's scale against the first frame. Beyond it, one map cannot show the plane.
-constexpr double kLargestZoom = 4.0;
-// A frame becomes a keyframe if the keyframes cover less than this share of it. This overlap is
-// enough for a sure match of the next frame.
+// A frame becomes a keyframe when the keyframes cover less than this share of it: enough for a sure
+// match of the next one.
 constexpr double kKeyframeOverlap = 0.6;
 // A frame is drawn if the view has moved by this share of its width. Less would hardly be visible.
 constexpr double kLeastMotion = 0.03;
@@ -43,8 +44,15 @@ constexpr std::int64_t kPredictable = 100'000'000;  // ns; within it 3 m/s² mov
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
-// Deviation from a plane that means parallax, px. Measured: 0.02 in a flight over flat ground, 0.3
-// over a table that is filmed by hand, 0.8 over a patio.
+// A frame that is so many times farther off a turn than testTurn() allows has moved.
+constexpr double kMoved = 4.0;
+// Homographies of a map that are kept to tell a turn, and between which distances of the middle
+// from that of the first frame, in widths, they are asked.
+constexpr std::size_t kTurnPoses = 20;
+constexpr double kFirstTest = 0.25;
+constexpr double kLastTest = 4.0;
+// px of deviation from a plane. Measured: 0.02 in a flight over flat ground, 0.3 over a table that
+// is filmed by hand, 0.8 over a patio.
 constexpr double kParallax = 0.5;
 
 std::size_t tilesFor(const MosaicOptions& options) {
@@ -55,35 +63,6 @@ std::size_t tilesFor(const MosaicOptions& options) {
 OrbOptions withImages(OrbOptions orb, bool alignment) {
   orb.images = alignment ? ImageKeeping::copy : ImageKeeping::none;
   return orb;
-}
-
-Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
-  return h / h(2, 2);
-}
-
-std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::Matrix3d& from_map) {
-  const Eigen::Matrix3d to_map = from_map.inverse();
-  std::array<Eigen::Vector2d, 4> corners = homography::imageCorners(size, {});
-  for (Eigen::Vector2d& corner : corners) corner = (to_map * corner.homogeneous()).hnormalized();
-  return corners;
-}
-
-/// Whether the frame can be drawn into a map of its plane.
-bool isDrawable(const cv::Size& size, const Eigen::Matrix3d& from_map) {
-  const Eigen::Matrix3d to_map = normalised(from_map.inverse());
-  if (!to_map.allFinite() ||
-      !homography::keepsPlaneInView(to_map, homography::imageCorners(size, {})))
-    return false;
-  const auto corners = cornersInMap(size, from_map);
-  double shortest = 1e18;
-  double longest = 0.0;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const double side = (corners[(i + 1) % 4] - corners[i]).norm();
-    const double of_frame = i % 2 == 0 ? size.width - 1.0 : size.height - 1.0;
-    shortest = std::min(shortest, side / of_frame);
-    longest = std::max(longest, side / of_frame);
-  }
-  return shortest > 1.0 / kLargestZoom && longest < kLargestZoom;
 }
 
 }  // namespace
@@ -106,6 +85,11 @@ struct Mosaic::Impl {
   FramePath path;
   TileMap tiles;
   mosaic::Keyframes keyframes;
+  std::optional<Eigen::Matrix3d> camera;    // K, if it is given
+  Turn turn;                                // what was found last about this map
+  std::vector<Eigen::Matrix3d> turn_poses;  // poses of the map, spread over it
+  double next_test = kFirstTest;            // widths
+  double closed_off = 0.0;                  // px, where a full turn met its beginning
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
@@ -130,12 +114,22 @@ struct Mosaic::Impl {
   bool is_full = false;
   std::size_t maps = 0;
 
-  void startMap(std::int64_t stamp, Features features) {
-    if (finished && !tiles.area().empty()) finished(image());
+  void clearMap() {
     tiles.clear();
     seen_pose.reset();
     keyframes.clear();
     is_full = false;
+    turn = {};
+    turn_poses.clear();
+    next_test = kFirstTest;
+    closed_off = 0.0;
+  }
+
+  const mosaic::Surface& surface() const { return tiles.surface(); }
+
+  void startMap(std::int64_t stamp, Features features) {
+    if (finished && !tiles.area().empty()) finished(image());
+    clearMap();
     ++maps;
     first_stamp = stamp;
     last.reset();
@@ -146,7 +140,7 @@ struct Mosaic::Impl {
 
   void draw(const cv::Mat& frame, const Eigen::Matrix3d& from_map) {
     drawn = from_map;
-    const Eigen::Matrix3d to_map = normalised(from_map.inverse());
+    const Eigen::Matrix3d to_map = surface().scaled(from_map.inverse());
     if (options.gain) frame.convertTo(exposed, CV_8UC3, tiles.gain(frame, to_map));
     is_full = !tiles.draw(options.gain ? exposed : frame, to_map) || is_full;
     seen_pose.reset();
@@ -183,11 +177,11 @@ struct Mosaic::Impl {
     if (!last) return std::nullopt;
     const auto step = path.between(last_stamp, stamp);
     if (!step) return std::nullopt;
-    return normalised(*step * *last);
+    return surface().fitted(*step * *last, size);
   }
 
   Eigen::Vector2d middleInMap(const Eigen::Matrix3d& from_map) const {
-    return homography::project(from_map.inverse(), middle());
+    return surface().toMap(from_map.inverse() * middle().homogeneous());
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
@@ -211,7 +205,7 @@ struct Mosaic::Impl {
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
-      return homography::project(from_map, place);
+      return surface().inFrame(from_map, place);
     };
     const auto surprise = [&](const Eigen::Vector2d& place) {
       return (in_frame(place) - middle()).norm();
@@ -237,11 +231,14 @@ struct Mosaic::Impl {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
     constexpr double kDrift = 0.2;  // px of drift for each frame without a keyframe
     const auto shift = [&](const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) {
-      return Eigen::Vector2d(homography::project(from_map, place) - middle());
+      return Eigen::Vector2d(surface().inFrame(from_map, place) - middle());
     };
     const Eigen::Vector2d apart = shift(by_map, middleInMap(by_chain));
     if (apart.norm() < kExact + kDrift * unchecked) return by_map;
     if (!metrics::repeatsAfter(grey, {apart.x(), apart.y()})) return by_map;
+    // Where a full turn ends, a few px have added up, and pictures are alike when moved by a few
+    // px.
+    if (!surface().isPlane() && metrics::shortestPeriod(grey) == 0.0) return by_map;
     if (stamp - last_stamp >= kPredictable) return std::nullopt;
     Eigen::Vector2d predicted = middleInMap(*last);
     if (velocity) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
@@ -249,11 +246,12 @@ struct Mosaic::Impl {
   }
 
   void settle(std::int64_t stamp, const Eigen::Matrix3d& from_map) {
-    pose = normalised(from_map);
+    pose = surface().fitted(from_map, size);
     velocity.reset();
     if (last && stamp > last_stamp) {
-      velocity =
-          (middleInMap(*pose) - middleInMap(*last)) / static_cast<double>(stamp - last_stamp);
+      const Eigen::Vector2d before = middleInMap(*last);
+      velocity = (surface().near(middleInMap(*pose), before) - before) /
+                 static_cast<double>(stamp - last_stamp);
     }
     last = pose;
     last_stamp = stamp;
@@ -285,12 +283,17 @@ struct Mosaic::Impl {
       if (!places.empty()) {
         found = by_chain ? chosenPlace(stamp, places.front(), *by_chain) : places.front();
         reason = LostBecause::repeats;
-        if (!found || !isOnePlace(places)) return std::nullopt;
+        if (!found) return std::nullopt;
+        if (!surface().isPlane()) reason = LostBecause::moved;
+        if (!isOnePlace(places)) return std::nullopt;
+        if (by_chain) noteClosing(*found, *by_chain);
       }
     }
     reason = LostBecause::unmatched;
     if (!found) return found;
-    if (!isDrawable(size, *found)) found = by_chain;
+    reason = LostBecause::moved;
+    if (surface().off(*found, size) > kMoved * mosaic::largestOff(size)) return std::nullopt;
+    if (!surface().canShow(size, *found)) found = by_chain;
     reason = LostBecause::zoomed;
     if (!found) return found;
     reason = LostBecause::repeats;
@@ -303,14 +306,82 @@ struct Mosaic::Impl {
     const double far = kElsewhere * std::min(size.width, size.height);
     const Eigen::Vector2d place = middleInMap(places.front());
     return std::all_of(places.begin(), places.end(), [&](const Eigen::Matrix3d& from_map) {
-      return (homography::project(from_map, place) - middle()).norm() < far;
+      return (surface().inFrame(from_map, place) - middle()).norm() < far;
     });
+  }
+
+  /// A jump to where the keyframes are, after a full turn: what has added up on the way.
+  void noteClosing(const Eigen::Matrix3d& by_map, const Eigen::Matrix3d& by_chain) {
+    if (surface().isPlane() || tiles.area().width + 1 < surface().period()) return;
+    const double off = (surface().inFrame(by_map, middleInMap(by_chain)) - middle()).norm();
+    closed_off = std::max(closed_off, off);
+  }
+
+  /// Keeps the pose of a drawn frame, and asks from time to time whether the camera turns.
+  void noteTurn() {
+    if (!surface().isPlane() || turn.verdict == Turn::Verdict::moves) return;
+    const double way = (middleInMap(*pose) - middle()).norm() / size.width;
+    if (next_test > kLastTest) return;
+    turn_poses.push_back(*pose);
+    if (turn_poses.size() > kTurnPoses) {  // every second one
+      std::size_t kept = 0;
+      for (std::size_t i = 1; i < turn_poses.size(); i += 2) turn_poses[kept++] = turn_poses[i];
+      turn_poses.resize(kept);
+    }
+    if (way < next_test) return;
+    next_test = 1.25 * way;
+    bend();
+  }
+
+  /// Goes on on a cylinder if the camera has turned, and only turned, so far.
+  bool bend() {
+    if (!surface().isPlane()) return false;
+    turn = mosaic::testTurn(turn_poses, size, camera);
+    if (turn.verdict != Turn::Verdict::turns) return false;
+    const mosaic::Surface cylinder(turn.camera, turn.axis);
+    const auto to_cylinder = [&](const Eigen::Matrix3d& from_map) {
+      return cylinder.fitted(from_map, size);
+    };
+    const bool can_show = std::all_of(
+        turn_poses.begin(), turn_poses.end(),
+        [&](const Eigen::Matrix3d& each) { return cylinder.canShow(size, to_cylinder(each)); });
+    if (!can_show || !tiles.bend(cylinder)) return false;
+    keyframes.move(to_cylinder);
+    for (auto* each : {&last, &pose, &seen_pose}) {
+      if (*each) *each = to_cylinder(**each);
+    }
+    drawn = to_cylinder(drawn);
+    velocity.reset();  // in px of the plane
+    return true;
+  }
+
+  /// What testTurn() found, for users.
+  std::string whyNoCylinder() const {
+    const double focal = turn.camera(0, 0);
+    if (turn.verdict == Turn::Verdict::moves) {
+      return util::format("it does not only turn: the homographies are %.1f px off any turn",
+                          turn.off);
+    }
+    if (turn.verdict == Turn::Verdict::turns) return "it turns about an axis that it sees";
+    if (turn.degrees == 0.0) return "too few frames were placed to tell whether it only turns";
+    if (turn.is_estimated) {
+      return util::format(
+          "no focal length is known (no camera_info fits the images), and the "
+          "homographies tell none: if it is %.0f px, they are %.1f px off a turn",
+          focal, turn.off);
+    }
+    return util::format("at the focal length of %.0f px it has turned by %.0f degrees only", focal,
+                        turn.degrees);
   }
 
   Placement place(std::int64_t stamp) {
     std::optional<Eigen::Matrix3d> expected = chained(stamp);
     if (!last) return lose(stamp, LostBecause::unmatched);
-    const bool is_zoomed = expected && !isDrawable(size, *expected);
+    bool is_zoomed = expected && !surface().canShow(size, *expected);
+    if (is_zoomed && bend()) {
+      expected = chained(stamp);
+      is_zoomed = !surface().canShow(size, *expected);
+    }
     if (is_zoomed) expected.reset();
     const bool leads_over_gap = last_stamp < after_gap;
     const bool is_known = (expected && !leads_over_gap) || isPredictable(stamp);
@@ -342,6 +413,7 @@ struct Mosaic::Impl {
       return Placement::seen;
     }
     draw(colour, *pose);
+    noteTurn();
     return Placement::drawn;
   }
 };
@@ -366,6 +438,10 @@ void Mosaic::setOptions(const MosaicOptions& options) {
   impl_->tiles.setMaxTiles(tilesFor(options));
   impl_->is_full = false;
   impl_->options = options;
+}
+
+void Mosaic::setCamera(const std::optional<Eigen::Matrix3d>& camera) {
+  impl_->camera = camera;
 }
 
 void Mosaic::follow(std::int64_t stamp, std::int64_t reference_stamp,
@@ -431,7 +507,7 @@ cv::Mat Mosaic::picture(int longest) const {
   if (!impl_->pose) return shown;
   constexpr int kBits = 4;
   std::vector<cv::Point> outline;
-  for (const Eigen::Vector2d& corner : cornersInMap(impl_->size, *impl_->pose)) {
+  for (const Eigen::Vector2d& corner : impl_->tiles.outline(impl_->size, impl_->pose->inverse())) {
     const Eigen::Vector2d p =
         scale * (corner - Eigen::Vector2d(area.x, area.y)) * static_cast<double>(1 << kBits);
     outline.emplace_back(static_cast<int>(std::lround(p.x())),
@@ -463,6 +539,33 @@ std::size_t Mosaic::maps() const {
   return impl_->maps;
 }
 
+std::optional<Panorama> Mosaic::panorama() const {
+  const mosaic::Surface& surface = impl_->surface();
+  if (surface.isPlane()) return std::nullopt;
+  Panorama panorama;
+  panorama.camera = impl_->turn.camera;
+  panorama.axis = impl_->turn.axis;
+  panorama.is_estimated = impl_->turn.is_estimated;
+  panorama.degrees = std::min(360.0, 360.0 * (area().width + 1) / surface.period());
+  panorama.closed_off = impl_->closed_off;
+  return panorama;
+}
+
+std::string Mosaic::whyLost() const {
+  if (impl_->reason == LostBecause::moved) {
+    return "the camera turned at first, so the map is on a cylinder, and then moved aside: frames "
+           "that no turn leads to are lost";
+  }
+  if (impl_->reason != LostBecause::zoomed) return {};
+  if (!impl_->surface().isPlane()) {
+    return "the camera looks too far along the axis of its turn: frames with a pixel that would "
+           "cover more than 4 of the cylinder are lost";
+  }
+  return "the camera has turned, tilted or moved too far for one plane: frames of less than 1/4 or "
+         "more than 4 times the map's scale are lost, and a cylinder cannot show them, since " +
+         impl_->whyNoCylinder();
+}
+
 double Mosaic::planeDeviation() const {
   return impl_->keyframes.planeDeviation();
 }
@@ -472,13 +575,10 @@ bool Mosaic::hasParallax() const {
 }
 
 void Mosaic::reset() {
-  impl_->tiles.clear();
-  impl_->seen_pose.reset();
-  impl_->keyframes.clear();
+  impl_->clearMap();
   impl_->path.clear();
   impl_->last.reset();
   impl_->pose.reset();
-  impl_->is_full = false;
   impl_->lost_frames = 0;
   impl_->reason = LostBecause::nothing;
 }

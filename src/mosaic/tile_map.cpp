@@ -26,16 +26,18 @@ int tileOf(double coordinate) {
   return static_cast<int>(std::floor(coordinate / TileMap::kTileSize));
 }
 
-/// Bounds of the frame in the map, whole px.
-cv::Rect boundsOf(const cv::Size& size, const Eigen::Matrix3d& to_map) {
+/// Bounds of the points, whole px.
+cv::Rect boundsOf(const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
-  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
-    box.extend(Eigen::Vector2d((to_map * corner.homogeneous()).hnormalized()));
-  }
+  for (const Eigen::Vector2d& point : points) box.extend(point);
   const Eigen::Vector2d low = box.min().array().floor();
   const Eigen::Vector2d high = box.max().array().ceil() + 1.0;
   return {cv::Point(static_cast<int>(low.x()), static_cast<int>(low.y())),
           cv::Point(static_cast<int>(high.x()), static_cast<int>(high.y()))};
+}
+
+Eigen::Vector2d middleOf(const cv::Rect& area) {
+  return {area.x + 0.5 * area.width, area.y + 0.5 * area.height};
 }
 
 bool isExposed(const cv::Vec3b& pixel) {
@@ -91,10 +93,12 @@ double TileMap::gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const 
   double of_map = 0.0;
   double of_frame = 0.0;
   int samples = 0;
+  const Eigen::Vector2d middle = middleOf(area_);
   for (int y = kGainStep / 2; y < frame.rows; y += kGainStep) {
     for (int x = kGainStep / 2; x < frame.cols; x += kGainStep) {
       const auto& pixel = frame.at<cv::Vec3b>(y, x);
-      const cv::Vec3b* drawn = at((to_map * Eigen::Vector3d(x, y, 1.0)).hnormalized());
+      const Eigen::Vector2d place = surface_.toMap(to_map * Eigen::Vector3d(x, y, 1.0));
+      const cv::Vec3b* drawn = at(surface_.near(place, middle));
       if (drawn == nullptr || !isExposed(pixel) || !isExposed(*drawn)) continue;
       of_map += sumOf(*drawn);
       of_frame += sumOf(pixel);
@@ -105,27 +109,92 @@ double TileMap::gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const 
   return std::clamp(of_map / of_frame, 1.0 / kLargestGain, kLargestGain);
 }
 
+std::vector<Eigen::Vector2d> TileMap::outline(const cv::Size& size,
+                                              const Eigen::Matrix3d& to_map) const {
+  std::vector<Eigen::Vector2d> points = surface_.outline(size, to_map);
+  if (surface_.isPlane() || area_.empty()) return points;
+  const Eigen::Vector2d first = points.front();
+  const Eigen::Vector2d moved = surface_.near(first, middleOf(area_)) - first;
+  for (Eigen::Vector2d& point : points) point += moved;
+  return points;
+}
+
 bool TileMap::draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map) {
   setFeather(frame.size());
-  const cv::Rect bounds = boundsOf(frame.size(), to_map);
+  return draw({frame, feather_, to_map});
+}
+
+bool TileMap::draw(const Frame& frame) {
+  cv::Rect bounds = boundsOf(outline(frame.colour.size(), frame.to_map));
+  if (surface_.isPlane()) return drawIn(bounds, frame);
+  bounds = {bounds.tl() - cv::Point(2, 2), bounds.br() + cv::Point(2, 2)};  // sides are curves
+  const int turn = static_cast<int>(surface_.period());
+  cv::Rect allowed = bounds;
+  if (!area_.empty()) {
+    allowed.x = area_.br().x - turn;
+    allowed.width = 2 * turn - area_.width;
+  }
+  bool all = drawIn(bounds & allowed, frame);
+  for (const int shift : {-turn, turn}) {
+    all = drawIn((bounds + cv::Point(shift, 0)) & area_, frame) && all;
+  }
+  return all;
+}
+
+bool TileMap::drawIn(const cv::Rect& bounds, const Frame& frame) {
   bool all = true;
+  if (bounds.empty()) return all;
   for (int row = tileOf(bounds.y); row <= tileOf(bounds.br().y - 1); ++row) {
     for (int column = tileOf(bounds.x); column <= tileOf(bounds.br().x - 1); ++column) {
-      all = drawTile({column, row}, frame, to_map) && all;
+      all = drawTile({column, row}, bounds, frame) && all;
     }
   }
   return all;
 }
 
-bool TileMap::drawTile(const Place& place, const cv::Mat& frame, const Eigen::Matrix3d& to_map) {
+/// Fills patch_weight_, and keeps where the frame shows the tile for setPatch().
+void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
+  if (surface_.isPlane()) {
+    Eigen::Matrix3d to_tile = Eigen::Matrix3d::Identity();
+    to_tile(0, 2) = -region.x;
+    to_tile(1, 2) = -region.y;
+    cv::eigen2cv(Eigen::Matrix3d(to_tile * frame.to_map), homography_);
+    cv::warpPerspective(frame.weight, patch_weight_, homography_, region.size(), cv::INTER_LINEAR);
+    return;
+  }
+  constexpr float kNowhere = -1e4F;  // outside of any frame
+  pixels_.create(region.size(), CV_32FC2);
+  const Eigen::Matrix3d from_map = frame.to_map.inverse();
+  for (int x = 0; x < region.width; ++x) {
+    // Along the axis the ray grows by the same step from pixel to pixel.
+    Eigen::Vector3d ray = from_map * surface_.fromMap({region.x + x, region.y});
+    const Eigen::Vector3d step = from_map * surface_.fromMap({region.x + x, region.y + 1}) - ray;
+    for (int y = 0; y < region.height; ++y, ray += step) {
+      auto& pixel = pixels_.at<cv::Vec2f>(y, x);
+      pixel = {kNowhere, kNowhere};
+      if (ray.z() <= 0.0) continue;
+      const Eigen::Vector2d p = ray.hnormalized().cwiseMax(kNowhere).cwiseMin(-kNowhere);
+      pixel = {static_cast<float>(p.x()), static_cast<float>(p.y())};
+    }
+  }
+  cv::remap(frame.weight, patch_weight_, pixels_, cv::noArray(), cv::INTER_LINEAR);
+}
+
+/// Repeats the last pixels beyond the border of the frame; black would darken the rim.
+void TileMap::setPatch(const cv::Rect& region, const Frame& frame) {
+  if (surface_.isPlane()) {
+    cv::warpPerspective(frame.colour, patch_, homography_, region.size(), cv::INTER_LINEAR,
+                        cv::BORDER_REPLICATE);
+  } else {
+    cv::remap(frame.colour, patch_, pixels_, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  }
+}
+
+bool TileMap::drawTile(const Place& place, const cv::Rect& bounds, const Frame& frame) {
   const cv::Rect region(place.first * kTileSize, place.second * kTileSize, kTileSize, kTileSize);
-  Eigen::Matrix3d to_tile = Eigen::Matrix3d::Identity();
-  to_tile(0, 2) = -region.x;
-  to_tile(1, 2) = -region.y;
-  cv::Mat homography;
-  cv::eigen2cv(Eigen::Matrix3d(to_tile * to_map), homography);
-  cv::warpPerspective(feather_, patch_weight_, homography, region.size(), cv::INTER_LINEAR);
-  const cv::Rect covered = cv::boundingRect(patch_weight_);
+  setPatchWeight(region, frame);
+  cv::Rect covered = cv::boundingRect(patch_weight_);
+  if (!surface_.isPlane()) covered &= bounds - region.tl();
   if (covered.empty()) return true;
   auto found = tiles_.find(place);
   if (found == tiles_.end()) {
@@ -135,16 +204,36 @@ bool TileMap::drawTile(const Place& place, const cv::Mat& frame, const Eigen::Ma
                                      cv::Mat::zeros(region.size(), CV_16UC1)})
                 .first;
   }
-  // Repeats the last pixels beyond the border of the frame, because black would darken the rim.
-  cv::warpPerspective(frame, patch_, homography, region.size(), cv::INTER_LINEAR,
-                      cv::BORDER_REPLICATE);
+  setPatch(region, frame);
   Tile& tile = found->second;
+  const int x = covered.x;
   for (int y = covered.y; y < covered.br().y; ++y) {
-    blendRow(patch_.ptr<std::uint8_t>(y), patch_weight_.ptr<std::uint8_t>(y), kTileSize,
-             tile.colour.ptr<std::uint8_t>(y), tile.weight.ptr<std::uint16_t>(y));
+    blendRow(patch_.ptr<cv::Vec3b>(y, x)->val, patch_weight_.ptr<std::uint8_t>(y, x), covered.width,
+             tile.colour.ptr<cv::Vec3b>(y, x)->val, tile.weight.ptr<std::uint16_t>(y, x));
   }
   const cv::Rect drawn = covered + region.tl();
   area_ = area_.empty() ? drawn : area_ | drawn;
+  return true;
+}
+
+bool TileMap::bend(const Surface& cylinder) {
+  constexpr int kLongest = 32767;  // px, a limit of cv::remap
+  if (std::max(area_.width, area_.height) >= kLongest) return false;
+  cv::Mat colour = cv::Mat::zeros(area_.size(), CV_8UC3);
+  cv::Mat weight = cv::Mat::zeros(area_.size(), CV_8UC1);
+  for (const auto& [place, tile] : tiles_) {
+    const cv::Point corner(place.first * kTileSize, place.second * kTileSize);
+    const cv::Rect part = cv::Rect(corner, tile.colour.size()) & area_;
+    tile.colour(part - corner).copyTo(colour(part - area_.tl()));
+    tile.weight(part - corner).convertTo(weight(part - area_.tl()), CV_8UC1, 255.0 / kMaxWeight);
+  }
+  // Without its rim, beside which there is no colour to blend with.
+  cv::erode(weight, weight, cv::noArray());
+  Eigen::Matrix3d to_map = Eigen::Matrix3d::Identity();
+  to_map.topRightCorner<2, 1>() << area_.x, area_.y;
+  clear();
+  surface_ = cylinder;
+  draw({colour, weight, to_map});
   return true;
 }
 
@@ -183,6 +272,7 @@ cv::Mat TileMap::image(double scale) const {
 void TileMap::clear() {
   tiles_.clear();
   area_ = {};
+  surface_ = {};
 }
 
 }  // namespace ktgp_orb::mosaic

@@ -5,6 +5,9 @@
 #include <map>
 #include <opencv2/core.hpp>
 #include <utility>
+#include <vector>
+
+#include "mosaic/surface.h"
 
 namespace ktgp_orb::mosaic {
 
@@ -18,15 +21,24 @@ class TileMap {
 
   void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }
 
-  /// Draws a frame (CV_8UC3) at the position `to_map` and blends it with the existing picture. The
-  /// weight of a pixel falls towards the border of its frame, so there are no seams. Returns false
-  /// if a part of the frame would have needed more than `max_tiles`.
+  /// What it is drawn on; at first and after clear() a plane.
+  const Surface& surface() const { return surface_; }
+  /// Draws what is on the plane onto the cylinder, and goes on there. False if the picture is too
+  /// large for that.
+  bool bend(const Surface& cylinder);
+
+  /// Draws a frame (CV_8UC3) at the position `to_map`, frame -> first frame, scaled as the surface
+  /// demands, and blends it with the existing picture. The weight of a pixel falls towards the
+  /// border of its frame, so there are no seams. A cylinder is one full turn long at most; what
+  /// goes on beyond its end is drawn at its beginning. False if a part did not fit.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
   /// Factor that gives the frame the brightness of the map below it; 1 if the overlap is too small.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
-  /// Bounds of the drawn part, px of the map; empty before the first draw().
+  /// The border of a frame in the map, near to what was drawn.
+  std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
+  /// Bounds of what was drawn, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
   /// The area as CV_8UC4, alpha 0 for unseen parts; `scale` in (0, 1] makes it smaller.
@@ -42,13 +54,27 @@ class TileMap {
 
   /// The pixel of the map at `p`; null for unseen parts.
   const cv::Vec3b* at(const Eigen::Vector2d& p) const;
-  bool drawTile(const Place& place, const cv::Mat& frame, const Eigen::Matrix3d& to_map);
+  /// A picture with the weights of its pixels.
+  struct Frame {
+    const cv::Mat& colour;  // CV_8UC3
+    const cv::Mat& weight;  // CV_8UC1
+    Eigen::Matrix3d to_map;
+  };
+  bool draw(const Frame& frame);
+  /// Draws within `bounds`.
+  bool drawIn(const cv::Rect& bounds, const Frame& frame);
+  bool drawTile(const Place& place, const cv::Rect& bounds, const Frame& frame);
+  void setPatchWeight(const cv::Rect& region, const Frame& frame);
+  void setPatch(const cv::Rect& region, const Frame& frame);
   void setFeather(const cv::Size& size);
 
   std::size_t max_tiles_;
+  Surface surface_;
   std::map<Place, Tile> tiles_;
   cv::Rect area_;
-  cv::Mat feather_;  // CV_8UC1, weight of each pixel of a frame
+  cv::Mat feather_;     // CV_8UC1, weight of each pixel of a frame
+  cv::Mat homography_;  // of the plane: frame -> tile
+  cv::Mat pixels_;      // of a cylinder: CV_32FC2, the pixel of the frame for each of the tile
   cv::Mat patch_;
   cv::Mat patch_weight_;
 };
