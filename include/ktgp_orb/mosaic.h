@@ -16,11 +16,11 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The covered part is still updated. A
-  /// pixel takes five bytes, plus up to twelve bytes for the keyframes.
+  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The part that is already covered is
+  /// still updated. Each pixel takes five bytes, and up to twelve more bytes for the keyframes.
   double max_megapixels = 64.0;
-  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, the given
-  /// homographies are multiplied, so that their errors add up.
+  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, a frame is
+  /// placed by the product of the given homographies, whose errors add up.
   bool keyframes = true;
   /// Whether the brightness of a frame is scaled by one factor to fit the map. This avoids steps
   /// when the exposure changes or a cloud passes.
@@ -31,10 +31,11 @@ struct MosaicOptions {
 
 /// Outcome for a frame.
 enum class Placement : std::uint8_t {
-  drawn,    ///< its position is known, and it was drawn
-  seen,     ///< its position is known, but it has hardly moved, or the map is full
-  new_map,  ///< it is the first frame of a new map
-  lost,     ///< its position is not known
+  drawn,  ///< the position of the frame is known, and it was drawn
+  /// The position of the frame is known, but the view has hardly moved, or the map is full.
+  seen,
+  new_map,  ///< the frame is the first one of a new map
+  lost,     ///< the position of the frame is not known
 };
 
 /// "drawn", "seen", "new_map", "lost"
@@ -42,32 +43,40 @@ const char* toString(Placement placement);
 
 /// Why a frame is lost.
 enum class LostBecause : std::uint8_t {
-  nothing,    ///< it is not lost
-  unmatched,  ///< neither the homographies nor the keyframes lead to it
-  repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
-  zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
-  moved,      ///< the map is a panorama, and the camera has moved aside
+  nothing,  ///< the frame is not lost
+  /// Neither the homographies nor matches to the keyframes give the position of the frame.
+  unmatched,
+  repeats,  ///< the ground has a repeating pattern, and nothing shows which repetition this is
+  /// The scale of the frame in the map is outside 1/4 to 4, because the camera has turned, tilted
+  /// or risen too far.
+  zoomed,
+  moved,  ///< the map is a panorama, and the camera has moved aside
 };
 
-/// The map of a camera that only turns is drawn on a cylinder around it. A ray of the first frame's
-/// camera, K_inv p, is split into x to the right, y along `axis` and z ahead, in the plane of the
-/// axis and the first frame's optical axis. It is drawn at (cx + fx atan2(x, z), cy + fx y /
-/// |x,z|), plus any number of full turns.
+/// If the camera only turns, the map is drawn on a cylinder around the camera. Pixel p of the first
+/// frame has the ray K_inv p in the camera's coordinates. The ray has the components x to the
+/// right, y along `axis`, and z ahead; the z direction lies in the plane of `axis` and the optical
+/// axis of the first frame. The pixel is drawn at (cx + fx atan2(x, z), cy + fx y / |x,z|), plus
+/// any number of full turns.
 struct Panorama {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turn, in the first frame's camera
-  bool is_estimated = false;  ///< the homographies told K; otherwise setCamera() did
-  double degrees = 0.0;       ///< what the map shows of a full turn, 0..360
-  double closed_off = 0.0;    ///< px between end and beginning, where a full turn met its beginning
+  /// Axis of the turn, in the coordinates of the first frame's camera.
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
+  /// True if K was estimated from the homographies, false if setCamera() has set it.
+  bool is_estimated = false;
+  double degrees = 0.0;  ///< angle that the map covers, degrees, 0..360
+  /// Distance between the end and the beginning of a full turn, px, where the map was closed.
+  double closed_off = 0.0;
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
 ///
-/// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
-/// is called or the map is finished. One that is not connected is searched in the map for a second,
-/// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
-/// first frame, continued on all sides; where the camera has turned by more than 20 degrees, and
-/// only turned, those of a Panorama. An instance belongs to one thread at a time.
+/// A frame is drawn if the view has moved by 0.03 of its width. The newest frame is also drawn when
+/// image() is called or the map is finished. If a frame is not connected, it and the next frames
+/// are searched for in the map. If this fails for a second and for at least three frames, a new map
+/// begins. The coordinates of the map are the pixels of its first frame, continued on all sides. If
+/// the camera only turns, and by more than 20 degrees, they are the coordinates of a Panorama. An
+/// instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -77,49 +86,53 @@ class Mosaic {
   Mosaic& operator=(Mosaic&&) noexcept;
 
   const MosaicOptions& options() const;
-  /// Applies from the next frame on; the map stays. Throws as the constructor does.
+  /// The new options apply from the next frame on; the map stays. Throws like the constructor.
   void setOptions(const MosaicOptions& options);
 
-  /// K of the images, px, without distortion; empty: not known. It is used for the next map, and
-  /// for this one while it is a plane. A panorama needs it, or homographies that tell it.
+  /// Sets K of the images without distortion, px; empty means that K is not known. K is used for
+  /// the next map, and for the present map as long as that is a plane. A panorama needs K, unless K
+  /// can be estimated from the homographies.
   void setCamera(const std::optional<Eigen::Matrix3d>& camera);
 
   /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
-  /// every frame, in order, also for frames that are not placed.
+  /// every frame, in order, including frames that are not passed to place().
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
-  /// std::invalid_argument for another type.
+  /// std::invalid_argument for an image of another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
   /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Pose of the last placed frame, the homography first frame of the map -> frame, px; empty if it
-  /// is lost. In a panorama it is K R K_inv with determinant 1, so that points of the first frame's
-  /// plane with a positive third coordinate are in front of the camera.
+  /// Pose of the frame last passed to place(), as the homography from the first frame of the map to
+  /// this frame, px; empty if the frame is lost. In a panorama, the pose is K R K_inv with
+  /// determinant 1; a point is then in front of the camera if its mapped third coordinate is
+  /// positive.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
-  /// The reason for users, with what was tested, where that is zoomed or moved; else empty.
+  /// If the reason is zoomed or moved: the reason as text for users, with the results of the tests
+  /// that led to it. Otherwise empty.
   std::string whyLost() const;
-  /// Of the map, if it is drawn on a cylinder.
+  /// The cylinder that the map is drawn on; empty if the map is a plane.
   std::optional<Panorama> panorama() const;
-  /// First frame of the map, ns.
+  /// Stamp of the first frame of the map, ns.
   std::int64_t firstStamp() const;
 
-  /// The map as CV_8UC4 (BGR and alpha, 0 for unseen parts); empty before the first frame is drawn.
+  /// The map as CV_8UC4 (BGR and alpha; alpha is 0 in parts that no frame has shown). It is empty
+  /// before the first frame is drawn.
   cv::Mat image() const;
-  /// The map as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
-  /// outline of the last placed frame.
+  /// The map as CV_8UC3, with no side longer than `longest` px. Parts that no frame has shown are
+  /// dark, and an outline shows the last placed frame.
   cv::Mat picture(int longest) const;
   /// The part of the map that image() shows, px.
   cv::Rect area() const;
 
-  double megapixels() const;  ///< covered area, in whole tiles
-  bool full() const;          ///< whether something was not drawn because max_megapixels is reached
+  double megapixels() const;  ///< covered area, 10^6 px, counted in whole tiles
+  bool full() const;          ///< whether a part was not drawn because max_megapixels is reached
   std::size_t keyframes() const;
-  std::size_t maps() const;  ///< number of maps begun
+  std::size_t maps() const;  ///< number of maps that were begun
   /// Distance of the points of the newest frames from the plane of their keyframes, px: the running
   /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
   double planeDeviation() const;

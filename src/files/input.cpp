@@ -74,13 +74,15 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
-/// False if the picture has no opacity for sure, which saves reading it a second time.
+/// Whether the picture may have transparent pixels. If false, it certainly has none, and need not
+/// be read a second time.
 bool mayBeTransparent(const std::string& file) {
-  constexpr std::size_t kSearched = 4096;  // bytes; the opacity of a palette precedes the pixels
+  // Bytes to search; the opacity of a palette precedes the pixels.
+  constexpr std::size_t kSearched = 4096;
   const std::string begin = firstBytes(file, kSearched);
   if (begin.compare(0, 3, "\xFF\xD8\xFF") == 0) return false;
   if (begin.compare(1, 3, "PNG") != 0) return true;
-  constexpr std::size_t kKind = 25;  // byte with the colour type
+  constexpr std::size_t kKind = 25;  // position of the byte with the colour type
   constexpr int kOpacity = 4;
   return begin.size() > kKind &&
          ((begin[kKind] & kOpacity) != 0 || begin.find("tRNS") != std::string::npos);
@@ -144,7 +146,8 @@ cv::Mat readPicture(const std::string& file, int flags) {
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);
-    // OpenCV cannot convert some pictures of floats; the check of the depth below refuses them.
+    // OpenCV cannot convert some pictures of floats, so read them unchanged; the check of the depth
+    // below then refuses them.
     if (picture.empty()) {
       const cv::Mat as_it_is = cv::imread(file, cv::IMREAD_UNCHANGED);
       if (!isUsual(as_it_is)) picture = as_it_is;

@@ -9,15 +9,16 @@
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken: at most kImages, and only kLeast
-/// if they need more than kBytes.
+/// Stores the newest images by their stamps until they are taken: at most kImages images, and at
+/// most kLeast images if they need more than kBytes of memory.
 class ImageStore {
  public:
-  static constexpr std::size_t kImages = 40;  // enough for more than a second
+  static constexpr std::size_t kImages = 40;  // images of more than a second
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Sets how many more images may wait, however large they are. Takes effect with the next image.
+  /// Sets how many images may wait in addition to these limits, however large they are. Takes
+  /// effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image and returns how many images were dropped because of kBytes. Images dropped
@@ -62,7 +63,7 @@ class ImageStore {
 
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
-  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // stamps may repeat
+  std::multimap<ros::Time, sensor_msgs::ImageConstPtr> images_;  // by stamps, which may repeat
   std::deque<ros::Time> order_;  // in order of arrival; includes stamps of taken images
 };
 

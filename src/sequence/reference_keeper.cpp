@@ -16,7 +16,7 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
     return fixed_;
   }
   if (previous_ && apart_ && next.stamp < previous_->stamp && next.stamp >= apart_->stamp) {
-    restartAt(std::exchange(apart_, nullptr));  // the stamp is right: the recording loops
+    restartAt(std::exchange(apart_, nullptr));  // the stamp was right, because the recording loops
   }
   if (previous_) {
     const NoReference why = whyNotAfterPrevious(next);
@@ -32,17 +32,20 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
 
 NoReference anotherCamera(const Frame& next, const Frame& before) {
   if (next.encoding != before.encoding) return NoReference::encoding_changed;
-  // A caller may create a new lens with the same calibration for every frame.
+  // Lenses are compared by their calibration, since a caller may create a new lens object with the
+  // same calibration for every frame.
   const LensConstPtr& lens = before.lens;
   const bool same_lens =
       next.lens == lens || (next.lens && lens && next.lens->calibration() == lens->calibration());
   return same_lens ? NoReference::none : NoReference::lens_changed;
 }
 
-// A keyframe may be old as long as frames arrive, but the previous frame must not be old.
+// The age of the previous frame is limited, but not the age of a keyframe, as long as frames
+// arrive.
 NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (next.stamp < previous_->stamp) return NoReference::stamp_went_back;
-  // The gap is unsigned, since two stamps may differ by more than half the range.
+  // The gap is an unsigned number, since two stamps may differ by more than half the range of their
+  // type.
   const auto gap =
       static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
@@ -83,7 +86,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
   to_previous_ = homography::chained(result->answer, to_reference_);
   accumulated_ = to_previous_;
   previous_ = frame;
-  // If two adjacent frames already have few matches, keeping the keyframe would not help.
+  // If even two adjacent frames have few matches, keeping the keyframe would not help.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;
@@ -104,7 +107,8 @@ void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
 }
 
 void ReferenceKeeper::forget(NoReference reason) {
-  // A request of the user has priority over its consequences, and the first reason over later ones.
+  // A reset that the user asked for has priority over any other reason. Otherwise the first reason
+  // has priority over later reasons.
   const bool asked_for = reason == NoReference::first_frame || reason == NoReference::reset;
   if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
   reference_.reset();
