@@ -23,36 +23,40 @@ enum class AlignmentStatus : std::uint8_t {
   not_run = 0,         ///< alignment is off, or there was no homography to start from
   ok = 1,              ///< the answer is the aligned homography
   no_images = 2,       ///< a frame has no images (see OrbOptions::images)
-  too_few_points = 3,  ///< fewer than twelve points could be aligned
+  too_few_points = 3,  ///< fewer than 12 points could be aligned
   not_better = 4,      ///< the keypoints determine the homography better than the aligned points
 };
 
 /// The enumerator's own name, e.g. "too_few_points".
 const char* toString(AlignmentStatus status);
 
-/// A point of the reference and its position in the target, both in px. The position is at most one
-/// pixel of the pyramid level from the keypoint.
+/// A point of the reference, and the position in the target that alignment found for it, both in
+/// px. The point is at most one pixel of the pyramid level away from its keypoint.
 struct AlignedPoint {
   std::size_t match = 0;              ///< index of the correspondence in the given list
-  std::int32_t reference_index = -1;  ///< keypoint of that correspondence in the reference
+  std::int32_t reference_index = -1;  ///< index of the reference keypoint of the correspondence
   std::int32_t target_index = -1;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
   double correlation = 0.0;  ///< squared normalised cross-correlation of the patches, 0.5..1
 };
 
-/// Result of Alignment::align. It keeps its buffers if you reuse it from call to call.
+/// Result of Alignment::align. If you reuse it for the next call, it keeps its buffers.
 struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
   UncertainHomography answer;  ///< the aligned homography if the status is ok, else the given one
   std::vector<AlignedPoint> points;  ///< the points that could be aligned, in order of `match`
-  std::size_t tried = 0;         ///< points chosen; the counts below say why some of them failed
-  std::size_t outside = 0;       ///< the patch, or its search window, leaves an image
-  std::size_t distorted = 0;     ///< H mirrors, compresses or stretches the patch too much
-  std::size_t textureless = 0;   ///< the patch has too little texture, in one direction or both
-  std::size_t unsettled = 0;     ///< the iteration did not converge
-  std::size_t beyond_reach = 0;  ///< the patch moved by more than four px of its level
-  std::size_t uncorrelated = 0;  ///< the patch at the new position looks different
+  /// Number of points that were tried; the counts below say why some of them failed.
+  std::size_t tried = 0;
+  std::size_t outside = 0;  ///< number of points whose patch or search window leaves an image
+  /// Number of points at which H mirrors, compresses or stretches the patch too much.
+  std::size_t distorted = 0;
+  /// Number of patches with too little texture, in one direction or both.
+  std::size_t textureless = 0;
+  std::size_t unsettled = 0;  ///< number of points at which the iteration did not converge
+  /// Number of patches that moved by more than 4 px of their pyramid level.
+  std::size_t beyond_reach = 0;
+  std::size_t uncorrelated = 0;  ///< number of patches that look different at the new position
   /// Root mean square distance over `points` between the aligned position and the position that the
   /// homography predicts, px; `before` with the given homography, `after` with `answer`.
   double rmse_before = 0.0;
@@ -67,10 +71,11 @@ struct AlignmentResult {
 /// Inverse-compositional least squares over a translation (Baker & Matthews, IJCV 2004) find the
 /// patch in the target, with any gain and bias. If H changes the scale by more than 1.5, the image
 /// with the smaller scale is compared with the pyramid level of the other image that is nearest in
-/// scale. Then H is estimated from the aligned points by maximum likelihood, with a scale of the
-/// errors of at least a pixel (a third of `max_error`). No scene is exactly a plane, and with a
-/// smaller scale the fit would follow the part of the scene with the most points. The answer is the
-/// aligned H unless the keypoints determine the corners of the image better.
+/// scale. Then H is estimated from the aligned points by maximum likelihood, which assumes that the
+/// scale of the errors is at least a pixel (a third of `max_error`). No scene is exactly a plane,
+/// and with a smaller scale the fit would follow the part of the scene with the most points. The
+/// answer is the aligned H, unless the homography from the keypoints has a smaller uncertainty at
+/// the corners of the image.
 ///
 /// The answer is the same for every instruction set.
 ///
@@ -90,7 +95,7 @@ class Alignment {
   const AlignmentOptions& options() const;
 
   /// `matches`: correspondences that agree with the homography of `start` (reference to target,
-  /// px). Throws std::invalid_argument if an index is not that of a keypoint of its frame.
+  /// px). Throws std::invalid_argument if an index does not belong to a keypoint of the frame.
   void align(const Features& reference, const Features& target,
              const std::vector<Correspondence>& matches, const UncertainHomography& start,
              AlignmentResult& result);

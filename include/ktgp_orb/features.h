@@ -23,13 +23,15 @@ const char* toString(DescriptorKind kind);
 /// Keypoints of an image, their descriptors, and the image size, which GMS and the checks of the
 /// homography need.
 struct Features {
-  /// Positions in pixels: x right, y down, origin at the centre of the top-left pixel.
+  /// Keypoints, with positions in pixels: x right, y down, origin at the centre of the top-left
+  /// pixel.
   std::vector<cv::KeyPoint> keypoints;
-  /// One row of 32 bytes (CV_8U) per keypoint, in the same order.
+  /// One row of 32 bytes (CV_8U) per keypoint, in the order of `keypoints`.
   cv::Mat descriptors;
   /// Width and height of the image in pixels.
   cv::Size image_size;
-  /// The 8-bit grey image and ORB's smaller pyramid levels, for alignment; see OrbOptions::images.
+  /// The 8-bit grey image and the smaller levels of ORB's image pyramid. Only alignment needs them;
+  /// see OrbOptions::images.
   std::vector<cv::Mat> images;
   /// Kind of the descriptors.
   DescriptorKind descriptor = DescriptorKind::orb;

@@ -18,9 +18,9 @@ class FramePath {
   /// Stores the newest `length` frames, >= 1, and the reference of the newest frame.
   explicit FramePath(std::size_t length);
 
-  /// Appends a frame. `homography`: reference -> frame, px; empty if none was found. Returns
-  /// whether the frame is connected to the stored frames; if not, the stored frames are forgotten.
-  /// If the reference is not stored, a new path begins with the reference and this frame.
+  /// Appends a frame. `homography`: reference -> frame, px; empty if none was found. Returns true
+  /// if the frame is connected to the stored frames; otherwise the stored frames are forgotten. If
+  /// the reference is not stored, a new path begins with the reference and this frame.
   bool add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography);
 
@@ -31,7 +31,8 @@ class FramePath {
 
   struct Step {
     std::int64_t stamp = 0;
-    Eigen::Matrix3d to_newest = Eigen::Matrix3d::Identity();  ///< frame -> newest frame
+    /// Homography frame -> newest frame, px.
+    Eigen::Matrix3d to_newest = Eigen::Matrix3d::Identity();
   };
   /// The frames, oldest first.
   const std::deque<Step>& steps() const { return steps_; }

@@ -11,50 +11,56 @@ namespace ktgp_orb {
 
 /// Options of grid-based motion statistics (Bian et al., CVPR 2017).
 struct GmsOptions {
-  bool enabled = true;  ///< false: every match passes; not in the paper
-  /// T_G, the factor alpha of GMS, in [0, 1e6]: a cell pair survives when its 3x3 neighbourhood has
-  /// at least T_G * sqrt(mean matches per neighbouring cell) matches. 0 keeps every match in the
-  /// best cell pair of its target cell.
+  bool enabled = true;  ///< if false, every match passes; this switch is not in the paper
+  /// T_G, the factor alpha of GMS, in [0, 1e6]: a cell pair survives if its 3x3 neighbourhood has
+  /// at least T_G * sqrt(mean number of matches per neighbouring cell) matches. 0 keeps every match
+  /// in the best cell pair of its target cell.
   double threshold = 6.0;
   bool rotation = false;  ///< also try the other seven 45-degree rotations of the neighbourhood
   bool scale = false;     ///< also try reference grids scaled by 1/2, 1/sqrt 2, sqrt 2 and 2
-  /// Cells across the target image, 1..200. If 0, the number is chosen between 5 and 20 so that a
-  /// cell has 2.5 matches on average, as with 1000 matches on the paper's grid. On a finer grid, a
-  /// few matches would have no neighbours.
+  /// Number of cells across the target image, 1..200. If 0, the number is chosen between 5 and 20
+  /// so that a cell has 2.5 matches on average, which is the average for 1000 matches on the
+  /// paper's grid. On a finer grid, a few matches would have no neighbours.
   int grid_columns = 20;
-  int grid_rows = 20;  ///< cells down the target image; 0 as for the columns
+  /// Number of cells down the target image; 0 means the same as for the columns.
+  int grid_rows = 20;
 };
 
 /// Counts of the filter's decisions, for the winning rotation and scale. Every correspondence that
 /// takes part is counted in exactly one of the four counts.
 struct GmsResult {
   std::size_t kept = 0;
-  std::size_t outside_grid = 0;  ///< a keypoint is in no cell: on or beyond a border
-  /// Not in the best pair of its target cell in any of the four grids.
+  /// Number of matches with a keypoint that is in no cell, because it is on or beyond a border.
+  std::size_t outside_grid = 0;
+  /// Number of matches that do not belong to the best pair of their target cell in any of the four
+  /// grids.
   std::size_t not_best_pair = 0;
-  std::size_t low_support = 0;  ///< its cell pair has too few matches in the neighbouring cells
+  /// Number of matches whose cell pair has too few matches in the neighbouring cells.
+  std::size_t low_support = 0;
   /// Rotation of the target against the reference, degrees clockwise on the screen: 0, 45 ... 315.
   int rotation_degrees = 0;
-  /// Cells across the reference image per cell across the target image: how many times larger the
-  /// content of the reference appears in the target (for images of equal size).
+  /// Number of cells across the reference image, divided by the number of cells across the target
+  /// image. For images of equal size, the content of the reference appears larger in the target by
+  /// this factor.
   double scale = 1.0;
 };
 
 /// Removes correspondences that do not move like their neighbours.
 ///
-/// Each image is divided into cells. The best pair of a target cell is the pair with the reference
-/// cell that most of its matches lead to. A best pair is supported if enough matches lead from the
-/// cells around the target cell to the cells around the reference cell (see GmsOptions::threshold).
-/// A correspondence is kept when its two cells are a supported best pair in the grid, or in one of
-/// three copies shifted by half a cell. Among several rotations and scales, the combination that
-/// keeps the most matches wins. If two keep equally many, the first wins, in the order scale 1,
-/// 1/2, 1/sqrt 2, sqrt 2, 2 and, for each scale, rotation 0 to 315. The GMS authors' program gives
-/// the same result, match for match. Their program does not check for keypoints on or beyond the
-/// right and bottom border; in this class such keypoints are in no cell.
+/// Each image is divided into cells. The best pair of a target cell consists of this cell and the
+/// reference cell that the largest number of its matches lead to. A best pair is supported if
+/// enough matches lead from the cells around the target cell to the cells around the reference cell
+/// (see GmsOptions::threshold). A correspondence is kept when its two cells are a supported best
+/// pair in the grid, or in one of three copies shifted by half a cell. Among several rotations and
+/// scales, the combination that keeps the most matches wins. If two combinations keep equally many
+/// matches, the earlier one wins; the order is scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each
+/// scale, rotation 0 to 315. The GMS authors' program gives the same result, match for match. Their
+/// program does not check for keypoints on or beyond the right and bottom border; in this class,
+/// such keypoints belong to no cell.
 ///
-/// The matches are sorted by their pair of cells. The cost therefore grows with the number of
-/// matches and occupied cells, plus a short pass over the cells of the target grid for each of its
-/// four copies and each scale. Buffers are reused from call to call.
+/// The matches are sorted by their pair of cells. The time therefore grows with the number of
+/// matches and of occupied cells. In addition, there is a short pass over the cells of the target
+/// grid for each of its four copies and each scale. Buffers are reused from call to call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class GmsFilter {
@@ -67,10 +73,11 @@ class GmsFilter {
 
   const GmsOptions& options() const;
 
-  /// Raises the matches of Level::kt that motion statistics support to Level::ktg. If the filter is
-  /// off, all matches of Level::kt are raised. Matches of other levels do not take part. The target
-  /// image is what the GMS paper calls the left image. Throws std::invalid_argument, before any
-  /// change, for an empty image size in a frame with keypoints, and for an index outside its frame.
+  /// Raises a match from Level::kt to Level::ktg if motion statistics support it. If the filter is
+  /// off, all matches of Level::kt are raised to Level::ktg. Matches of other levels do not take
+  /// part. The target image is what the GMS paper calls the left image. Throws
+  /// std::invalid_argument, before any change, if a frame with keypoints has an empty image size,
+  /// or if a match has an index that its frame does not have.
   GmsResult filter(const Features& reference, const Features& target,
                    std::vector<Correspondence>& correspondences);
 

@@ -15,9 +15,11 @@ using Twist6 = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
 
 /// A measurement of the height of the camera above the ground.
 struct HeightReading {
-  double metres = 0.0;     ///< > 0
-  double deviation = 0.0;  ///< standard deviation, m, >= 0; independent in each reading
-  double age = 0.0;  ///< age at the time of the image, s; the vertical velocity corrects for it
+  double metres = 0.0;  ///< > 0
+  /// Standard deviation, m, >= 0; the errors of different readings are independent.
+  double deviation = 0.0;
+  /// Age at the time of the image, s; the vertical velocity is used to correct for it.
+  double age = 0.0;
   /// For a range sensor: origin and direction (length 1) of its beam in the camera's frame. If the
   /// direction is zero, `metres` is the distance of the camera from the ground.
   Eigen::Vector3d beam_origin = Eigen::Vector3d::Zero();
@@ -26,56 +28,65 @@ struct HeightReading {
 
 /// A measurement of the direction from the camera to the ground, along the normal of the ground.
 struct DownReading {
-  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< in the camera's frame, length 1
+  /// Direction in the camera's frame, length 1.
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
   bool of_imu = false;  ///< measured by an Imu, whose mounting is estimated in GroundEstimate::imu
   double age = 0.0;     ///< age at the time of the image, s; only for GroundEstimate::imu
 };
 
-/// The rotation since the previous frame, for example from a gyroscope.
+/// A measurement of the rotation since the previous frame, for example by a gyroscope.
 struct TurnReading {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< camera now -> camera then
+  /// Camera frame now -> camera frame at the previous frame.
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  double age = 0.0;  ///< age relative to the interval of the frames, s; for GroundEstimate::imu
+  /// By how much the measured interval is older than the interval between the frames, s; only for
+  /// GroundEstimate::imu.
+  double age = 0.0;
 };
 
-/// Says what is wrong with a reading and what to do about it; empty if the reading is usable.
+/// Text that says what is wrong with a reading and what to do about it; empty if the reading is
+/// usable.
 std::string whyUnusable(const HeightReading& reading);
 std::string whyUnusable(const DownReading& reading);
 std::string whyUnusable(const TurnReading& reading);
 
-/// A frame of the camera.
+/// A frame of the camera, as input of GroundMotion.
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
   std::int64_t reference_stamp = 0;  ///< stamp of the frame that the homography maps from
   /// Homography reference -> this frame, px without lens distortion; empty if none was found.
   std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
-  cv::Size size;  ///< size of the image, px; if empty, the shutter is taken for a global one
+  cv::Size size;  ///< size of the image, px; if empty, a global shutter is assumed
   std::optional<HeightReading> height;
   std::optional<DownReading> down;
   std::optional<TurnReading> turn;
 };
 
 struct GroundMotionOptions {
-  /// Mounting of the camera: its frame (x right, y down, z forward) -> the vehicle's base frame.
+  /// Mounting of the camera: transform from the camera's frame (x right, y down, z forward) to the
+  /// vehicle's base frame.
   Pose3 camera_to_base = Pose3::Identity();
-  /// Standard deviation of the slope of the ground from one keyframe to the next, >= 0: 0.01 is 1 m
-  /// in 100 m. Old readings of height and normal count less after each keyframe.
+  /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
+  /// means 1 m in 100 m. Old readings of height and normal count less after each keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
   /// global shutter. Between -1 and 0: the last row is exposed first, as in pictures that the
-  /// driver turns by 180 degrees. -1: not known. Unless it is 0, the time is estimated.
+  /// driver turns by 180 degrees. -1: not known. Unless the value is 0, GroundMotion estimates the
+  /// time.
   double readout_time = -1.0;
   /// Standard deviation of a constant relative error of all lengths, >= 0; for example, the error
   /// of a height that was measured only once.
   double scale_deviation = 0.0;
-  /// Standard deviation of the acceleration, m/s², >= 0, for the change from one velocity to the
-  /// next and for the time without a connected frame. In that time, `turn_acceleration` is the same
-  /// for the angular acceleration, rad/s², >= 0.
+  /// Standard deviation of the acceleration, m/s², >= 0. It is used for the change from one
+  /// velocity to the next, and for the motion while no frame is connected. `turn_acceleration`:
+  /// standard deviation of the angular acceleration, rad/s², >= 0; it is used while no frame is
+  /// connected.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
-  /// No motion is reported until the standard deviation of the normal is below this, rad, > 0.
+  /// Upper limit of the standard deviation of the normal, rad, > 0. As long as it is exceeded, no
+  /// motion is reported.
   double max_tilt_deviation = 0.1;
 };
 
@@ -83,21 +94,22 @@ struct GroundMotionOptions {
 enum class GroundStatus : std::uint8_t {
   ok = 0,       ///< pose and twist are known
   started = 1,  ///< the first frame: a pose without a twist
-  /// The first frame after a gap: the pose has a larger covariance. There is a twist only if the
-  /// reference is the frame just before.
+  /// The first frame after a gap: the pose has a larger covariance, and a twist is known only if
+  /// the reference is the frame directly before this frame.
   resumed = 2,
   no_homography = 3,  ///< no homography was found
   no_covariance = 4,  ///< the homography has no usable covariance, so nothing can be weighted
-  no_height = 5,      ///< no height was given yet
-  no_normal = 6,      ///< no normal was given, and the motion does not determine it yet
+  no_height = 5,      ///< no height has been given yet
+  /// No normal has been given, and the motion does not determine the normal yet.
+  no_normal = 6,
   contradiction = 7,  ///< the homography implies a jump from the earlier frames; it is not used
-  /// The stamp is older than the previous frame's stamp. A single frame of this kind is left out.
-  /// If the next frame continues from the older stamp, the recording was looped or a clock was set,
-  /// and the motion begins anew.
+  /// The stamp is older than the previous frame's stamp. A single frame with an older stamp is left
+  /// out. If the next frame continues from the older stamp, the recording was looped or a clock was
+  /// set, and the motion begins anew.
   stamp_went_back = 8,
   not_finite = 9,  ///< numbers became too large to compute with; the motion begins anew
-  /// The camera looks above the horizon. Many normals in a row say so, or a single normal does and
-  /// no picture contradicts it.
+  /// The camera looks above the horizon: either many normals in a row say so, or a single normal
+  /// says so and no picture contradicts it.
   looks_away = 10,
 };
 
@@ -106,19 +118,20 @@ const char* toString(GroundStatus status);
 
 /// Errors of the mounting, the stamps and the angular velocity of an Imu, estimated from the
 /// difference between its readings and the rotation that the pictures show. Deviations are standard
-/// deviations. A value that the motion does not determine is 0, with an infinite deviation.
+/// deviations. If the motion does not determine a value, the value is 0 and its deviation is
+/// infinite.
 struct ImuMounting {
   /// Rotation from the stated mounting of the Imu to the true mounting, as a rotation vector in the
-  /// base frame, rad. Errors beyond 0.35 rad are not found.
+  /// base frame, rad. Errors of more than 0.35 rad are not found.
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_deviation = Eigen::Vector3d::Zero();
   /// How much later the Imu's stamps are than the stamps of images taken at the same time, s.
   double delay = 0.0;
   double delay_deviation = 0.0;
-  /// Bias of the angular velocity, in the base frame, rad/s; subtract it.
+  /// Bias of the angular velocity, in the base frame, rad/s. Subtract it from the Imu's values.
   Eigen::Vector3d bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_deviation = Eigen::Vector3d::Zero();
-  /// Relative error of the angular velocity; above 0 if the Imu's values are too large. A wrong
+  /// Relative error of the angular velocity; positive if the Imu's values are too large. A wrong
   /// focal length of the camera has the same effect, except for turns about the optical axis.
   double scale_error = 0.0;
   double scale_error_deviation = 0.0;
@@ -137,8 +150,8 @@ struct GroundEstimate {
   Pose3 base_to_odometry = Pose3::Identity();
   /// Covariance of x, y, z (m) and of small rotations about the axes of the odometry frame (rad).
   Covariance6 pose_covariance = Covariance6::Zero();
-  /// Velocity (m/s) and angular velocity (rad/s) in the base frame. Held constant, they move the
-  /// base from its pose at the previous frame to its pose at this frame.
+  /// Velocity (m/s) and angular velocity (rad/s) in the base frame. If they stay constant between
+  /// the previous frame and this frame, they move the base from its previous pose to this pose.
   Twist6 twist = Twist6::Zero();
   Covariance6 twist_covariance = Covariance6::Zero();
 
@@ -146,12 +159,13 @@ struct GroundEstimate {
 
   double height = 0.0;          ///< height of the camera above the ground, m
   double tilt_deviation = 0.0;  ///< standard deviation of the normal about one axis, rad
-  double gap = 0.0;  ///< for status resumed: time without a connected frame before this one, s
-  /// Misfits, in standard deviations. For a reading, the misfit is its difference from the
-  /// prediction by the homography and the earlier readings. For the homography, it is the
-  /// difference from the prediction by flat ground and these readings. A reading with a misfit
-  /// beyond kContradiction gets hardly any weight. The deviation of a normal is the given one or,
-  /// if larger, the scatter of the normals (at most ten times). 0 without a reading.
+  double gap = 0.0;  ///< for status resumed: time without a connected frame before this frame, s
+  /// Misfits, in standard deviations. The misfit of a reading is the difference between the reading
+  /// and its prediction by the homography and the earlier readings. The misfit of the homography is
+  /// the difference between the homography and its prediction by flat ground and these readings. A
+  /// reading with a misfit beyond kContradiction gets hardly any weight. The deviation of a normal
+  /// is the given deviation or, if larger, the scatter of the normals (at most ten times the given
+  /// deviation). The misfit is 0 without a reading.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
@@ -159,15 +173,17 @@ struct GroundEstimate {
   static constexpr double kContradiction = 6.0;
   bool height_used = false;  ///< a height was given, and its misfit is within kContradiction
   bool down_used = false;
-  /// Ratio of the given turns to the turns that the pictures show. 1 is expected; -1 means that the
-  /// angular velocity has the wrong sign, 57.3 that it is in degrees. 0 after too little turning.
+  /// Ratio of the given turns to the turns that the pictures show. 1 is expected. -1 means that the
+  /// angular velocity has the wrong sign, and 57.3 means that it is in degrees. The value is 0
+  /// until the camera has turned enough.
   double turn_ratio = 0.0;
   /// Estimate of the readout time of a rolling shutter from the pictures, and its standard
-  /// deviation, s. If it is below 0, the last row is exposed first.
+  /// deviation, s. If the time is negative, the last row is exposed first.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
   /// Errors of the Imu that gives turns or directions. They are only reported; no reading is
-  /// corrected. The estimate takes minutes, and is empty until the motion determines some of it.
+  /// corrected. The estimate takes minutes; it is empty until the motion determines at least one of
+  /// the errors.
   std::optional<ImuMounting> imu;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }
@@ -176,19 +192,19 @@ struct GroundEstimate {
 
 /// Estimates the metric motion of a calibrated camera that looks at flat ground from homographies.
 ///
-/// A keyframe is a map of the ground: the homography G from its image to metres on the ground, with
-/// its covariance. The homography H from the keyframe to a frame then depends on the frame's pose:
-/// H ~ M(pose) G, which is R + t n'/d for the plane seen from the keyframe (Malis & Vargas 2007;
-/// Hartley & Zisserman 2004, ch. 13). The most likely pose is found by Gauss-Newton over the six
-/// parameters of the pose, together with the parameters of G and of the previous pose. H and the
-/// readings are weighted by their covariances. The scale and the tilt from the readings stay in G
-/// and pass from keyframe to keyframe, so errors of single readings average out. If no normal is
-/// given, it follows from the motion.
+/// A keyframe serves as a map of the ground: it has the homography G from the keyframe's image to
+/// metres on the ground, and the covariance of G. The homography H from the keyframe to a frame
+/// then depends on the frame's pose: H ~ M(pose) G, which is R + t n'/d for the plane seen from the
+/// keyframe (Malis & Vargas 2007; Hartley & Zisserman 2004, ch. 13). The most likely pose is found
+/// by Gauss-Newton over the six parameters of the pose, together with the parameters of G and of
+/// the previous pose. H and the readings are weighted by their covariances. G keeps the scale and
+/// the tilt from the readings and passes them on to the next keyframe, so errors of single readings
+/// average out. If no normal is given, the motion determines the normal.
 ///
 /// More than half of the noise of H comes from the image of the keyframe and is common to all
 /// homographies from that keyframe. This part of the noise belongs to G.
 ///
-/// An instance belongs to one thread at a time. In the steady state it allocates no memory.
+/// An instance belongs to one thread at a time. After the first frames, no memory is allocated.
 class GroundMotion {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -198,15 +214,16 @@ class GroundMotion {
   GroundMotion& operator=(GroundMotion&&) noexcept;
 
   const GroundMotionOptions& options() const;
-  /// Applies from the next frame on. Throws as the constructor does, without any change.
+  /// The new options apply from the next frame on. Throws like the constructor; then nothing
+  /// changes.
   void setOptions(const GroundMotionOptions& options);
 
   /// Adds the next frame. The reference is the previous frame or the reference of the previous
   /// frame (as in the modes of SequenceMatcher); with any other reference, the motion begins anew
   /// at the predicted position. Throws std::invalid_argument, without any change, for unusable
-  /// readings, a camera without focal length and a homography that is not finite. It also throws
-  /// for a different frame with the stamp of the last frame; then the motion goes on as after a
-  /// gap. If the last frame is added again, the estimate stays the same.
+  /// readings, a camera without focal length and a homography that is not finite. It also throws if
+  /// a different frame has the stamp of the last frame; the motion then continues as after a gap.
+  /// If the last frame itself is added again, the estimate stays the same.
   const GroundEstimate& add(const GroundFrame& frame);
 
   /// The odometry begins anew at its origin.

@@ -15,7 +15,7 @@
 
 namespace ktgp_orb {
 
-/// Options of the search that grows a homography from single matches.
+/// Options of HomographyGrowth, which grows a homography from single matches.
 struct GrowthOptions {
   bool enabled = false;  ///< whether the matcher grows homographies; not in the paper
   int seeds = 30;        ///< maximum number of matches to start from, 1..10000
@@ -31,14 +31,16 @@ struct ReferenceView {
   Eigen::Matrix<double, 2, 3> to_view;  ///< maps px of the reference image to px of the view
 };
 
-/// Simulated views, created once for a reference that many images are matched to.
+/// Simulated views of a reference. They are created once, because many images are matched to one
+/// reference.
 using ReferenceViews = std::vector<ReferenceView>;
 
-/// Creates the simulated views without the image itself: 0, 4 or 12, depending on
-/// GrowthOptions::views. `image`: 8-bit grey. A smaller view gets proportionally fewer features.
+/// Creates the simulated views. The image itself is not among them, so there are 0, 4 or 12 views,
+/// depending on GrowthOptions::views. `image`: 8-bit grey. A smaller view gets proportionally fewer
+/// features.
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views);
 
-/// Result of the search. Reused from call to call for its buffers.
+/// Result of HomographyGrowth::find. If you reuse it for the next call, it keeps its buffers.
 struct GrowthResult {
   bool found = false;
   UncertainHomography answer;  ///< zero unless found
@@ -46,29 +48,33 @@ struct GrowthResult {
   /// predicted positions. Empty unless found.
   PointPairs pairs;
   /// The matches whose reference keypoint belongs to the reference itself, not to a simulated view.
-  /// In target order, with Level::guided.
+  /// They are in target order and have Level::guided.
   std::vector<Correspondence> matches;
-  /// Number of pairs that support the most significant homography, at most one in 12x12 px.
+  /// Number of pairs that support the most significant homography. At most one pair in each square
+  /// of 12x12 px counts.
   std::size_t support = 0;
-  double by_chance = 0.0;  ///< number of such pairs that chance gives, as measured with the decoys
+  /// Number of supporting pairs that chance would give, measured with the decoys.
+  double by_chance = 0.0;
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int seeds = 0;                  ///< number of seeds tried
   int judged = 0;                 ///< number of hypotheses that grew far enough to be judged
 
-  /// Resets to the state before any search; keeps the buffers.
+  /// Resets the result to the state before any search, but keeps the buffers.
   void clear();
 };
 
 /// A given homography, judged as a hypothesis beside the homographies that grow from seeds.
 struct GrowthStart {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< centre of its matches in the reference, px
+  /// Centre of the matches that agree with the homography, px of the reference.
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
 };
 
 /// Finds a homography that only few matches agree with. PROSAC draws samples of four matches; if
 /// one match in a hundred is right, it hardly ever draws four right matches. But a keypoint has a
 /// direction and a size, so a single match predicts the positions of its neighbours:
-/// 1. Votes: a match gets votes from matches at predicted positions with similar turn and scale.
+/// 1. Votes: a match gets a vote from each neighbour that lies where the match predicts it, with
+///    similar turn and scale.
 /// 2. Seeds: the matches with the most votes are tried first.
 /// 3. Growth: the seed and its voters give an affine map. Guided matching around the seed finds
 ///    more matches, the map is fitted again, and the region grows; this is repeated ten times. With
@@ -76,7 +82,8 @@ struct GrowthStart {
 /// 4. Verdict: the homography shifted by 20 and 45 px in 24 directions each (decoys) shows how many
 ///    matches chance gives with these images, descriptors and region. The a-contrario bound takes
 ///    account of the number of seeds and of possible maps (see src/growth/verdict.h). The
-///    homography must also pass the same verdict as PROSAC's homographies (see ProsacHomography).
+///    homography must also pass the test that PROSAC's homographies must pass (see
+///    ProsacHomography).
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class HomographyGrowth {
@@ -89,7 +96,7 @@ class HomographyGrowth {
 
   const GrowthOptions& options() const;
 
-  /// `matches`: matches of the two frames; only mutual ones count (KnnMatcher::matchMutual).
+  /// `matches`: matches of the two frames; only mutual matches are used (KnnMatcher::matchMutual).
   /// `views`: simulated views of the reference, or null. `start`: a hypothesis that competes with
   /// the homographies that grow from the seeds.
   void find(const Features& reference, const ReferenceViews* views, const Features& target,

@@ -12,15 +12,16 @@ namespace ktgp_orb {
 
 /// Options of guided matching.
 struct GuidedOptions {
-  bool enabled = false;   ///< false: GuidedMatcher finds nothing; not in the paper
+  /// If false, GuidedMatcher finds nothing; guided matching is not in the paper.
+  bool enabled = false;
   double radius = 5.0;    ///< largest distance from the position that H predicts, px, 0.1..100
   int max_distance = 90;  ///< largest Hamming distance of the descriptors, 0..256
 };
 
-/// Matches keypoints again near the positions that a homography predicts. The right keypoint need
-/// not have the nearest descriptor in the whole frame, only among the few keypoints within the
-/// radius. The time is linear in the number of keypoints. Positions are compared in single
-/// precision.
+/// Matches keypoints again near the positions that a homography predicts. This finds more matches,
+/// because the right keypoint must have the nearest descriptor only among the few keypoints within
+/// the radius, not in the whole frame. The time is linear in the number of keypoints. Positions are
+/// compared in single precision.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class GuidedMatcher {
@@ -33,19 +34,21 @@ class GuidedMatcher {
 
   const GuidedOptions& options() const;
 
-  /// `homography`: reference to target, px. `matches` becomes the mutual nearest pairs within the
-  /// radius, in target order, with Level::guided. For equal distances, the lower index counts.
-  /// `second_distance` is the distance to the next reference keypoint within the radius, or 256.
+  /// `homography`: reference to target, px. `matches` is set to the mutual nearest pairs within the
+  /// radius, in target order, with Level::guided. If distances are equal, the keypoint with the
+  /// lower index counts as nearest. `second_distance` is the distance to the next reference
+  /// keypoint within the radius, or 256.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 
   /// One guided round after a homography was found: matches as match() does, and estimates the
-  /// homography again from all these matches. The new estimate replaces `estimate` only if at least
-  /// as many matches agree with it within `threshold` px (half as many with `by_cell`), and if it
-  /// shows the whole reference or the old estimate does not. Returns whether it was replaced.
-  /// `by_cell`: matches that are close together count as one in the estimate. Otherwise the part of
-  /// the scene with the most matches, which may be slightly off the plane of the rest, would decide
-  /// alone. `matches`: all matches found, including those that disagree with the estimate.
+  /// homography again from all these matches. The new estimate must have at least as many matches
+  /// within `threshold` px as the old estimate (with `by_cell`, half as many). If the old estimate
+  /// shows the whole reference from one side, the new estimate must do so, too. Then it replaces
+  /// `estimate`, and the function returns true. `by_cell`: matches that are close together count as
+  /// one in the estimate. Without this, the part of the scene with the most matches would determine
+  /// the estimate alone, and this part may be slightly off the plane of the rest. `matches`: all
+  /// matches found, including those that disagree with the estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

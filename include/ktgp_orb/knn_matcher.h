@@ -15,17 +15,18 @@ constexpr int kUnrelatedDistance = 128;
 
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
-  int threads = 1;  ///< threads that share the queries, 0..1024; 0: all cores
-  /// matchNear: largest distance of a keypoint from its predicted position, px of the reference,
-  /// 0..10000. 0: KtgpMatcher searches the whole image, as in the paper.
+  int threads = 1;  ///< number of threads that share the queries, 0..1024; 0 means all cores
+  /// Radius of the search in matchNear: largest distance of a keypoint from its predicted position,
+  /// px of the reference, 0..10000. If it is 0, KtgpMatcher searches the whole image, as in the
+  /// paper.
   double search_radius = 0.0;
 };
 
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
 /// Uses the best instruction set of the processor, chosen at run time. The result depends neither
-/// on the instruction set nor on the number of threads. Memory: 66 bytes per reference descriptor,
-/// reused. If the reference has the same descriptors as in the last call (and, for matchNear, the
-/// same positions), it is not prepared again.
+/// on the instruction set nor on the number of threads. Needs 66 bytes per reference descriptor,
+/// which are reused in the next call. The index of the reference is built again only if the
+/// descriptors (or, for matchNear, the positions) differ from the last call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class KnnMatcher {
@@ -38,18 +39,19 @@ class KnnMatcher {
 
   const KnnOptions& options() const;
 
-  /// `reference`, `target`: M×32 and N×32 CV_8U, continuous or not; otherwise
-  /// std::invalid_argument. `correspondences` becomes N entries in target order, with Level::knn.
-  /// If distances are equal, the lower reference index counts as nearest. With a single reference
-  /// descriptor there is no second neighbour; second_distance is then 0, so that no match passes
-  /// the ratio test. Without reference descriptors, `correspondences` is empty.
+  /// `reference`, `target`: matrices of M×32 and N×32 CV_8U, which need not be continuous. Throws
+  /// std::invalid_argument for other matrices. `correspondences` gets N entries in target order,
+  /// with Level::knn. If distances are equal, the lower reference index counts as nearest. With a
+  /// single reference descriptor there is no second neighbour; second_distance is then 0, so that
+  /// no match passes the ratio test. Without reference descriptors, `correspondences` is empty.
   void match(const cv::Mat& reference, const cv::Mat& target,
              std::vector<Correspondence>& correspondences);
 
   /// Matches as match() does, and also marks mutual nearest pairs (Correspondence::mutual). If
   /// distances from a reference descriptor are equal, the lower target index counts as nearest. One
-  /// pass over the distances finds both directions. It takes an eighth more time than match() with
-  /// AVX-512, less without. Memory: 10 bytes more per reference descriptor and thread.
+  /// pass over the distances finds the neighbours in both directions. It takes an eighth more time
+  /// than match() with AVX-512, and less than an eighth without. It needs 10 bytes more per
+  /// reference descriptor and thread.
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
@@ -61,8 +63,8 @@ class KnnMatcher {
   /// v)^2 <= radius^2 in single precision; (u, v) is the target keypoint mapped by the inverse of
   /// `prediction` in double precision, then rounded. If only one keypoint is within the radius,
   /// second_distance is the mean distance of unrelated descriptors (kUnrelatedDistance), but at
-  /// least the first distance. If none is, reference_index is -1 and both distances are 256.
-  /// `mutual`: whether mutual nearest pairs within the radius are marked, too.
+  /// least the first distance. If no keypoint is within the radius, reference_index is -1 and both
+  /// distances are 256. `mutual`: whether mutual nearest pairs within the radius are marked, too.
   ///
   /// Throws std::invalid_argument for malformed features, for more than 4 194 304 keypoints in a
   /// frame, for a prediction that cannot be inverted, and if search_radius is 0.

@@ -21,11 +21,11 @@
 
 namespace ktgp_orb {
 
-/// Which geometry explains the matches of level ktg.
+/// Which kinds of geometry may explain the matches of level ktg.
 enum class GeometryModel : std::uint8_t {
-  homography = 0,  ///< the paper's chain: PROSAC's homography
+  homography = 0,  ///< only PROSAC's homography, as in the paper
   automatic = 1,   ///< homography or epipolar geometry, whichever is less likely to arise by chance
-  epipolar = 2,    ///< epipolar geometry alone
+  epipolar = 2,    ///< only an epipolar geometry
 };
 
 /// Options of the four stages and of the stages that may follow.
@@ -35,7 +35,7 @@ struct MatcherOptions {
   std::optional<double> ratio_threshold;
   /// Whether TF also requires that the two features are nearest to each other; not in the paper.
   bool mutual = false;
-  GmsOptions gms;  ///< gms.threshold is T_G
+  GmsOptions gms;  ///< options of GMS; gms.threshold is T_G
   ProsacOptions prosac;
   GrowthOptions growth;
   GuidedOptions guided;
@@ -43,13 +43,13 @@ struct MatcherOptions {
   GeometryModel geometry = GeometryModel::homography;
   double shared_error = 0.0;  ///< for the two-view geometry, px; see TwoViewOptions::shared_error
 
-  /// The paper's chain with alignment. These are the defaults.
+  /// The paper's four stages, followed by sub-pixel alignment. These are the defaults.
   static MatcherOptions ktgp() { return {}; }
   /// For hard pairs and for the best accuracy: mutual nearest neighbours without ratio test and
   /// GMS, then PROSAC, growth if PROSAC fails, a guided round and alignment.
   static MatcherOptions robust();
   /// For a moving camera in a scene with depth: mutual nearest neighbours without ratio test and
-  /// GMS. Estimates the geometry that fits best from matches that are aligned one by one.
+  /// GMS. The matches are aligned one by one, and the geometry that fits them best is estimated.
   static MatcherOptions slam();
 };
 
@@ -63,26 +63,29 @@ const char* toString(StageId stage);
 /// the next one.
 struct StageResult {
   StageId id = StageId::knn;
-  std::size_t input = 0;  ///< knn: target features; others: correspondences
-  /// Number of correspondences left. For guided, the matches that it added are included; for
-  /// growth, the pairs of its homography; for align, the aligned matches; for two_view, the matches
-  /// that agree with the geometry.
+  /// Number of target features for knn, of correspondences for the other stages.
+  std::size_t input = 0;
+  /// Number of correspondences after the stage. For guided, this includes the added matches. For
+  /// growth, it is the number of pairs that the homography was fitted to; for align, the number of
+  /// aligned matches; for two_view, the number of matches that agree with the geometry.
   std::size_t output = 0;
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
 /// Where the matches were searched.
 enum class Search : std::uint8_t {
-  whole = 0,      ///< in the whole image
-  near = 1,       ///< within the search radius of the predicted positions
-  fell_back = 2,  ///< near the predicted positions without success, then in the whole image
+  whole = 0,  ///< in the whole image
+  near = 1,   ///< within the search radius of the predicted positions
+  /// First near the predicted positions, without success, and then in the whole image.
+  fell_back = 2,
 };
 
 /// Which stage found the geometry.
 enum class FoundBy : std::uint8_t {
   none = 0,    ///< there is no geometry
   prosac = 1,  ///< PROSAC, from the matches of level ktg
-  /// HomographyGrowth, from single matches, after PROSAC found no homography that could be trusted.
+  /// HomographyGrowth, from single matches, after PROSAC had found no homography that can be
+  /// trusted.
   growth = 2,
   two_view = 3,  ///< the two-view geometry (TwoViewMatcher)
 };
@@ -94,53 +97,58 @@ const char* toString(FoundBy found_by);
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
   /// ProsacHomography::estimate). With a search radius, KNN searches only near the predicted
-  /// positions. Growth does not run then. A homography that growth would have to judge because few
-  /// matches agree with it is rejected; match again with `whole_image` in this case, as
+  /// positions, and growth does not run. If few matches agree with the homography, only growth
+  /// could judge it, so it is rejected. In this case, match again with `whole_image`, as
   /// SequenceMatcher does.
   std::optional<Eigen::Matrix3d> prediction;
   /// Whether the whole image is searched, even with a search radius and a prediction.
   bool whole_image = false;
   /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
-  /// K of images without distortion, px, for the two-view geometry. If K of the reference is empty,
-  /// it is not known, and no motion is estimated. If K of the target is empty, the reference's K is
-  /// used; both images must then have the same size.
+  /// K of images without distortion, px, for the two-view geometry. Leave K of the reference empty
+  /// if it is not known; then no motion is estimated. If K of the target is empty, the reference's
+  /// K is used; both images must then have the same size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;
-  /// The lens if the images are raw; see TwoViewInput.
+  /// The lenses if the images are raw (not rectified), else null; see TwoViewInput.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// A motion that may be right, such as that of the previous frame; see TwoViewInput.
+  /// A motion that may be right, such as the motion of the previous frame; see TwoViewInput.
   std::optional<RelativePose> motion;
 };
 
-/// The result for one pair of frames. Reused from call to call for its buffers.
+/// The result for one pair of frames. If you reuse it for the next call, it keeps its buffers.
 struct MatchResult {
-  /// If ok, `geometry` was found, and MatcherOptions::geometry asks for this kind.
+  /// Status ok means that `geometry` was found and is of a kind that MatcherOptions::geometry asks
+  /// for.
   Status status = Status::no_reference;
   /// Status of the homography alone: model_rejected if the geometry is epipolar, else `status`.
   Status homographyStatus() const {
     return geometry == Geometry::epipolar ? Status::model_rejected : status;
   }
   DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the descriptors
-  Search search = Search::whole;                    ///< KtgpMatcher never sets fell_back
+  /// Where matches were searched for; KtgpMatcher never sets fell_back.
+  Search search = Search::whole;
   FoundBy found_by = FoundBy::none;
   /// One correspondence per target feature, in target order, with the level that it reached.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
-  ProsacResult prosac;  ///< its mask has one entry per correspondence of level ktg and above
-  /// Always knn, tf, gms and prosac; then growth, guided, align and two_view if they are on.
+  /// Result of PROSAC alone; the mask has one entry per correspondence of level ktg and above.
+  ProsacResult prosac;
+  /// Results of the stages: always knn, tf, gms and prosac, then growth, guided, align and two_view
+  /// if they are on.
   std::vector<StageResult> stages{{StageId::knn}, {StageId::tf}, {StageId::gms}, {StageId::prosac}};
   /// Returns the result of a stage; null if the stage is off.
   const StageResult* stage(StageId id) const;
-  GrowthResult growth;  ///< `seeds` is 0 if growth was not needed
-  /// Matches that guided matching or the growth added, in target order, all of Level::guided.
+  GrowthResult growth;  ///< result of growth; `seeds` is 0 if growth was not needed
+  /// Matches that guided matching or growth added, in target order; all have Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
 
   /// The geometry that explains the matches. For plane and rotation, `answer` has the homography.
-  /// For epipolar, no homography explains all matches, and `answer` is zero. Then `two_view` has
-  /// the geometry, to which levels, `inliers` and `rmse` (of Sampson distances) refer.
+  /// For epipolar, no homography explains all matches, and `answer` is zero. In this case,
+  /// `two_view` has the geometry. Then the levels, `inliers` and `rmse` (of Sampson distances)
+  /// refer to that geometry.
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 
@@ -149,12 +157,14 @@ struct MatchResult {
   /// correspondence that passed GMS has Level::ktgp exactly when its reprojection error is below
   /// ProsacOptions::max_error. The result of PROSAC itself is in `prosac` and `stages`.
   UncertainHomography answer;
-  std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
-  double rmse = 0.0;        ///< root mean square reprojection error of these keypoints, px
-  /// Number of matches that passed the ratio filter and stand still although `answer` says that the
-  /// scene moves by 3 px or more. Causes are hot pixels, dirt on the lens and burned-in text. If
-  /// more matches stand still than move, and both kinds are all over the image, the moving matches
-  /// determine the answer, and the others get level kt.
+  /// Number of correspondences of level ktgp and above, including guided matches.
+  std::size_t inliers = 0;
+  double rmse = 0.0;  ///< root mean square reprojection error of the inliers, px
+  /// Number of matches that passed the ratio filter and have the same position in both images,
+  /// although `answer` says that the scene moves by 3 px or more. Causes are hot pixels, dirt on
+  /// the lens and text that is written into the images. If more matches stand still than move, and
+  /// both kinds are all over the image, the moving matches determine the answer, and the matches
+  /// that stand still get level kt.
   std::size_t still = 0;
   /// Whether more matches stand still than chance explains.
   bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }
@@ -163,18 +173,19 @@ struct MatchResult {
   void surviving(Level level, std::vector<Correspondence>& out) const;
   /// Total time of all stages.
   double milliseconds() const;
-  /// Resets to the result without a reference, with the stages of `options`. Keeps the buffers.
+  /// Resets to the result of a frame without a reference, with the stages of `options`. Keeps the
+  /// buffers.
   void clear(const MatcherOptions& options);
 };
 
 static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// Runs KNN -> TF -> GMS -> PROSAC over the features of two frames. If enabled, growth follows when
-/// there is no homography, then guided matching and sub-pixel alignment. These three do not change
-/// the counts of the four stages. If MatcherOptions::geometry asks for it, the two-view geometry is
-/// estimated after GMS. If it is epipolar, PROSAC and the stages after it do not run. An instance
-/// belongs to one thread at a time; several instances may work in parallel.
+/// Runs KNN -> TF -> GMS -> PROSAC on the features of two frames. Three more stages may be enabled:
+/// growth, which runs if PROSAC finds no homography, then guided matching and sub-pixel alignment.
+/// They do not change the counts of the four stages. If MatcherOptions::geometry asks for it, the
+/// two-view geometry is estimated after GMS. If it is epipolar, PROSAC and the stages after it do
+/// not run. An instance belongs to one thread at a time; several instances may work in parallel.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -187,12 +198,12 @@ class KtgpMatcher {
 
   /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
   /// two kinds. Bad data, such as keypoints outside the image or no features at all, does not
-  /// throw; the status tells.
+  /// throw; the status says what happened.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
   /// Matches with prior knowledge. Also throws std::invalid_argument for a prediction that is not
-  /// finite or, with a search radius, cannot be inverted, and for a matrix K that is not one of a
-  /// camera (see TwoViewEstimator::estimate).
+  /// finite or, with a search radius, cannot be inverted, and for a matrix K that no camera can
+  /// have (see TwoViewEstimator::estimate).
   void match(const Features& reference, const Features& target, const MatchHints& hints,
              MatchResult& result);
 

@@ -20,7 +20,8 @@ struct LensCalibration {
   cv::Matx33d camera = cv::Matx33d::eye();  ///< K, px
   std::vector<double> distortion;           ///< coefficients in the order of the model
   cv::Matx33d rotation = cv::Matx33d::eye();
-  cv::Matx33d rectified_camera = cv::Matx33d::eye();  ///< K of the image without distortion, px
+  /// K of the rectified image (without distortion), px.
+  cv::Matx33d rectified_camera = cv::Matx33d::eye();
 
   bool operator==(const LensCalibration& other) const;
 };
@@ -32,15 +33,15 @@ struct LensCalibration {
 class Lens {
  public:
   /// Throws std::invalid_argument for focal lengths that no camera has, for a wrong number of
-  /// coefficients, for numbers that are not finite, and for a distortion that cannot be inverted
-  /// near the middle of the image.
+  /// coefficients, for numbers that are not finite, and if the distortion cannot be inverted near
+  /// the middle of the image.
   explicit Lens(const LensCalibration& calibration);
 
   const LensCalibration& calibration() const { return calibration_; }
 
-  /// Moves keypoints to their positions in the image without distortion, which may be outside it;
-  /// accurate to 1e-3 px. The position is NaN beyond 60 degrees from the axis, and if the model
-  /// maps two rays to this pixel.
+  /// Moves keypoints to their positions in the image without distortion, accurate to 1e-3 px. A
+  /// position may be outside the image. It is NaN if the keypoint's ray is more than 60 degrees
+  /// from the axis, or if the model maps two rays to the keypoint's pixel.
   void rectify(std::vector<cv::KeyPoint>& keypoints) const;
   /// Computes the image without distortion, of the same size as `image`.
   void rectify(const cv::Mat& image, cv::Mat& rectified) const;

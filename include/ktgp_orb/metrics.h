@@ -14,7 +14,7 @@ namespace ktgp_orb::metrics {
 /// Largest error of a correct match, px.
 constexpr double kCorrectWithin = 3.0;
 
-/// Mean and root mean square of a set of values; both 0 for an empty set (check `count`).
+/// Mean and root mean square of a set of values. Both are 0 for an empty set, so check `count`.
 struct ErrorSummary {
   std::size_t count = 0;
   double mean = 0.0;
@@ -31,15 +31,17 @@ double median(std::vector<double> values);
 ErrorSummary descriptorDistance(const std::vector<Correspondence>& correspondences,
                                 Level level = Level::knn);
 
-/// Distance between the matched keypoints in image coordinates, px, by Eq. 10 and 11 as printed.
-/// This measures the camera's motion, not an error.
+/// Mean and RMS of the distance between the image coordinates of matched keypoints, px (Eq. 10 and
+/// 11 as the paper prints them). This measures the camera's motion, not an error.
 ErrorSummary displacement(const Features& reference, const Features& target,
                           const std::vector<Correspondence>& matches);
 
-/// Retention Q: ratio of correspondences after the ratio filter to those before it; 0 without any.
+/// Retention Q: number of correspondences after the ratio filter, divided by the number before it;
+/// 0 if there are no correspondences.
 double retention(std::size_t kept, std::size_t total);
 
-/// REP (Eq. 9): ratio of matched to detected keypoints, each counted in both images; 0 without any.
+/// REP (Eq. 9): number of matched keypoints, divided by the number of detected keypoints, both
+/// summed over the two images; 0 if there are no keypoints.
 double matchedShare(std::size_t matches, const Features& reference, const Features& target);
 
 /// Maps x by H, in pixels; infinite if x is on the horizon or behind it. H may have any scale and
@@ -53,7 +55,7 @@ std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const 
                                        const Features& target,
                                        const std::vector<Correspondence>& matches);
 
-/// Number of correct matches: errors of at most `threshold` px.
+/// Number of correct matches, whose errors are at most `threshold` px.
 std::size_t countWithin(const std::vector<double>& errors, double threshold);
 
 /// Precision: share of errors of at most `threshold` px; 0 without errors.
@@ -64,29 +66,33 @@ double precision(const std::vector<double>& errors, double threshold);
 double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& truth,
                    const cv::Size& reference_size);
 
-/// Area under the curve "share of pairs with a corner error of at most x" for x from 0 to
-/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. An infinite error is a
-/// failed pair. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR 2020) and
-/// LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is level
+/// Area under the curve of the share of pairs with a corner error of at most x, for x from 0 to
+/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. An infinite error stands
+/// for a failed pair. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR 2020)
+/// and LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is level
 /// after the last error below `threshold`. The area under the exact step curve is smaller by up to
-/// half a pair of n, 3.3 % for 15 pairs.
+/// 1/(2 n) for n pairs, which is 3.3 % for 15 pairs.
 double areaUnderCurve(const std::vector<double>& errors, double threshold);
 
 /// Counts of Mikolajczyk's repeatability.
 struct Repeatability {
-  std::size_t reference_common = 0;  ///< reference keypoints that the target image also shows
-  std::size_t target_common = 0;     ///< target keypoints that the reference image also shows
-  std::size_t repeated = 0;          ///< one-to-one pairs of these, whose regions overlap enough
+  /// Number of reference keypoints that the target image also shows.
+  std::size_t reference_common = 0;
+  /// Number of target keypoints that the reference image also shows.
+  std::size_t target_common = 0;
+  /// Number of one-to-one pairs of these keypoints whose regions overlap enough.
+  std::size_t repeated = 0;
 
-  /// Ratio of `repeated` to the smaller of the other two counts; 0 if that is 0.
+  /// `repeated`, divided by the smaller of the other two counts; 0 if the smaller count is 0.
   double score() const;
 };
 
 /// Counts how many keypoints the detector finds again, regardless of the descriptors (Mikolajczyk
-/// et al., "A comparison of affine region detectors", IJCV 2005). A keypoint's region is the disc
-/// of its size; two regions repeat when 1 - intersection/union, after scaling both so that the
-/// reference region has a radius of 30 px in the target image, is at most `max_overlap_error`.
-/// `truth` maps reference to target. Pairs with a larger overlap are formed first.
+/// et al., "A comparison of affine region detectors", IJCV 2005). The region of a keypoint is a
+/// disc whose diameter is the keypoint's size. Both regions are first scaled so that the reference
+/// region has a radius of 30 px in the target image. The keypoint is repeated if then 1 -
+/// intersection/union is at most `max_overlap_error`. `truth` maps reference to target. Pairs with
+/// a larger overlap are formed first.
 Repeatability detectorRepeatability(const Features& reference, const Features& target,
                                     const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
 

@@ -16,11 +16,11 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The covered part is still updated. A
-  /// pixel takes five bytes, plus up to twelve bytes for the keyframes.
+  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The part that is already covered is
+  /// still updated. Each pixel takes five bytes, and up to twelve more bytes for the keyframes.
   double max_megapixels = 64.0;
-  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, the given
-  /// homographies are multiplied, so that their errors add up.
+  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, a frame is
+  /// placed by the product of the given homographies, whose errors add up.
   bool keyframes = true;
   /// Whether the brightness of a frame is scaled by one factor to fit the map. This avoids steps
   /// when the exposure changes or a cloud passes.
@@ -31,10 +31,11 @@ struct MosaicOptions {
 
 /// Outcome for a frame.
 enum class Placement : std::uint8_t {
-  drawn,    ///< its position is known, and it was drawn
-  seen,     ///< its position is known, but it has hardly moved, or the map is full
-  new_map,  ///< it is the first frame of a new map
-  lost,     ///< its position is not known
+  drawn,  ///< the position of the frame is known, and it was drawn
+  /// The position of the frame is known, but the view has hardly moved, or the map is full.
+  seen,
+  new_map,  ///< the frame is the first one of a new map
+  lost,     ///< the position of the frame is not known
 };
 
 /// "drawn", "seen", "new_map", "lost"
@@ -49,10 +50,11 @@ enum class LostBecause : std::uint8_t {
   moved,      ///< the map is a panorama, and the camera has moved aside
 };
 
-/// The map of a camera that only turns is drawn on a cylinder around it. A ray of the first frame's
-/// camera, K_inv p, is split into x to the right, y along `axis` and z ahead, in the plane of the
-/// axis and the first frame's optical axis. It is drawn at (cx + fx atan2(x, z), cy + fx y /
-/// |x,z|), plus any number of full turns.
+/// If the camera only turns, the map is drawn on a cylinder around the camera. Pixel p of the first
+/// frame has the ray K_inv p in the camera's coordinates. The ray has the components x to the
+/// right, y along `axis`, and z ahead; the z direction lies in the plane of `axis` and the optical
+/// axis of the first frame. The pixel is drawn at (cx + fx atan2(x, z), cy + fx y / |x,z|), plus
+/// any number of full turns.
 struct Panorama {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turn, in the first frame's camera
@@ -77,7 +79,7 @@ class Mosaic {
   Mosaic& operator=(Mosaic&&) noexcept;
 
   const MosaicOptions& options() const;
-  /// Applies from the next frame on; the map stays. Throws as the constructor does.
+  /// The new options apply from the next frame on; the map stays. Throws like the constructor.
   void setOptions(const MosaicOptions& options);
 
   /// K of the images, px, without distortion; empty: not known. It is used for the next map, and
@@ -89,7 +91,7 @@ class Mosaic {
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
-  /// std::invalid_argument for another type.
+  /// std::invalid_argument for an image of another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
   /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
@@ -101,25 +103,27 @@ class Mosaic {
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame has no place in the map.
   LostBecause lostBecause() const;
-  /// The reason for users, with what was tested, where that is zoomed or moved; else empty.
+  /// If the reason is zoomed or moved: the reason as text for users, with the results of the tests
+  /// that led to it. Otherwise empty.
   std::string whyLost() const;
-  /// Of the map, if it is drawn on a cylinder.
+  /// The cylinder that the map is drawn on; empty if the map is a plane.
   std::optional<Panorama> panorama() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 
-  /// The map as CV_8UC4 (BGR and alpha, 0 for unseen parts); empty before the first frame is drawn.
+  /// The map as CV_8UC4 (BGR and alpha; alpha is 0 in parts that no frame has shown). It is empty
+  /// before the first frame is drawn.
   cv::Mat image() const;
-  /// The map as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
-  /// outline of the last placed frame.
+  /// The map as CV_8UC3, with no side longer than `longest` px. Parts that no frame has shown are
+  /// dark, and an outline shows the last placed frame.
   cv::Mat picture(int longest) const;
   /// The part of the map that image() shows, px.
   cv::Rect area() const;
 
-  double megapixels() const;  ///< covered area, in whole tiles
-  bool full() const;          ///< whether something was not drawn because max_megapixels is reached
+  double megapixels() const;  ///< covered area, 10^6 px, counted in whole tiles
+  bool full() const;          ///< whether a part was not drawn because max_megapixels is reached
   std::size_t keyframes() const;
-  std::size_t maps() const;  ///< number of maps begun
+  std::size_t maps() const;  ///< number of maps that were begun
   /// Distance of the points of the newest frames from the plane of their keyframes, px: the running
   /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
   double planeDeviation() const;

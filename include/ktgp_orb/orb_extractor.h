@@ -12,29 +12,29 @@ class OrbPipeline;
 
 namespace ktgp_orb {
 
-/// Which of the corners become keypoints.
+/// How keypoints are chosen from the corners.
 enum class KeypointDistribution : std::uint8_t {
-  ranked,  ///< highest Harris response, as in cv::ORB
-  /// An equal share from every part of the image. Parts with few corners get half the FAST
-  /// threshold.
+  ranked,  ///< the corners with the highest Harris response, as in cv::ORB
+  /// An equal share from every part of the image. In parts with few corners, the FAST threshold is
+  /// halved.
   uniform,
 };
 
 /// Whether the images that the features were found in are kept.
 enum class ImageKeeping : std::uint8_t {
-  none,   ///< Features::images stay empty: no sub-pixel alignment
+  none,   ///< Features::images stays empty, so sub-pixel alignment is not possible
   copy,   ///< the image is copied and its pyramid kept
   share,  ///< the image is kept without a copy; do not write to it while the features are in use
 };
 
-/// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
+/// ORB parameters. The defaults are the values of the paper (section IV, "Experimental Results").
 struct OrbOptions {
   int max_features = 2000;    ///< maximum number of keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
-  int levels = 8;             ///< pyramid levels, 1..16
-  /// Index of the level that is the image itself, in [0, levels - 1], as in cv::ORB. The levels
-  /// before it are larger, each by scale_factor; they show details that are too small for a patch
-  /// of 31 px. With TEBLID it must be 0.
+  int levels = 8;             ///< number of pyramid levels, 1..16
+  /// Index of the level that is the image itself, in [0, levels - 1], as in cv::ORB. Each level
+  /// before it is larger than the next by scale_factor. The larger levels show details that are too
+  /// small for a patch of 31 px. With TEBLID, the index must be 0.
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
   /// rBRIEF or TEBLID-256. Both have 256 bits; TEBLID tolerates more change of light and viewpoint.
@@ -44,7 +44,8 @@ struct OrbOptions {
   /// Smaller cells spread the keypoints more evenly; larger ones allow a better choice of corners.
   int keypoints_per_cell = 16;
   ImageKeeping images = ImageKeeping::copy;
-  int threads = 1;  ///< threads that share the work; 0: all cores; the result does not depend on it
+  /// Number of threads that share the work; 0 means all cores; the result does not depend on it.
+  int threads = 1;
 
   bool operator==(const OrbOptions& other) const;
   bool operator!=(const OrbOptions& other) const { return !(*this == other); }
@@ -58,8 +59,8 @@ struct OrbOptions {
 /// the output of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2, HARRIS_SCORE,
 /// 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other
 /// processors cv::ORB rounds its blur differently, which changes a descriptor bit in some frames;
-/// this class does not.) If Harris responses are equal, cv::ORB may keep more keypoints than the
-/// limit, and so may this class.
+/// this class gives the same bits on all processors.) If Harris responses are equal, this class may
+/// keep more keypoints than the limit, as cv::ORB does.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {
@@ -72,12 +73,12 @@ class OrbExtractor {
 
   const OrbOptions& options() const;
 
-  /// `image`: 8-bit grey, any stride. An empty image, or one whose largest level is smaller than a
-  /// 63 px patch, gives no features. Throws std::invalid_argument for any other type. The buffers
-  /// of `features` are reused.
+  /// `image`: 8-bit grey, any stride. If the image is empty, or if its largest level is smaller
+  /// than a patch of 63 px, there are no features. Throws std::invalid_argument for an image of
+  /// another type. The buffers of `features` are reused.
   void extract(const cv::Mat& image, Features& features);
   /// Finds keypoints only where `mask` is not zero (8-bit, the size of `image`; empty: everywhere).
-  /// Throws std::invalid_argument for any other mask.
+  /// Throws std::invalid_argument for a mask of another type or size.
   void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:

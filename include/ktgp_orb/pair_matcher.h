@@ -8,7 +8,7 @@
 
 namespace ktgp_orb {
 
-/// Options for two images.
+/// Options of matchPair().
 struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
@@ -16,7 +16,7 @@ struct PairOptions {
   /// to their area, up to 8000. Larger images have more details to tell apart.
   bool features_by_area = false;
 
-  /// For two photographs of any kind, as the preset photo. It succeeds on the most pairs of images,
+  /// The preset photo, for two photographs of any kind. It succeeds on the most pairs of images,
   /// but takes seconds instead of milliseconds.
   static PairOptions photo();
 };
@@ -25,8 +25,9 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  int max_features = 0;  ///< limit of keypoints per image, after PairOptions::features_by_area
-  double reference_milliseconds = 0.0;  ///< time to find the features
+  /// Largest number of keypoints per image, after PairOptions::features_by_area was applied.
+  int max_features = 0;
+  double reference_milliseconds = 0.0;  ///< time to find the features of the reference
   double target_milliseconds = 0.0;
   MatchResult match;
 };

@@ -10,7 +10,8 @@
 
 namespace ktgp_orb {
 
-/// Not aligned, so that the layout is the same for every instruction set; see Covariance8.
+/// The types are not aligned, so that their layout is the same for every instruction set; see
+/// Covariance8.
 using Pose3 = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
 using Covariance6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 
@@ -21,18 +22,19 @@ struct PlanarPose {
   Pose3 target_to_camera = Pose3::Identity();
   /// Covariance of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad).
   Covariance6 covariance = Covariance6::Zero();
-  /// Squared Mahalanobis distance of its homography from the given one, two degrees of freedom.
+  /// Squared Mahalanobis distance between the homography of this pose and the given homography,
+  /// with two degrees of freedom.
   double squared_error = 0.0;
   /// Likelihood of this pose relative to the other pose, 0..1; 1 if there is no other pose. The
-  /// scale of the covariance of the homography is taken for a guess only.
+  /// scale of the homography's covariance is treated as a rough guess.
   double share = 1.0;
 };
 
 struct PlanarPoses {
-  /// No pose, one pose, or two with the likelier one first. If a plane is seen nearly from the
-  /// front and from afar, a tilt to the left looks the same as a tilt to the right.
+  /// No pose, one pose, or two poses with the likelier pose first. If a plane is seen nearly from
+  /// the front and from afar, a tilt to the left looks the same as a tilt to the right.
   std::vector<PlanarPose> poses;
-  std::string problem;  ///< the reason if there is no pose
+  std::string problem;  ///< reason why there is no pose; empty if there is a pose
 };
 
 /// Computes the poses from the homography (reference image -> camera image) and its covariance; see
@@ -41,11 +43,12 @@ struct PlanarPoses {
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014). From each, Levenberg-Marquardt
 /// finds the pose whose homography is nearest to the given homography, weighted by the covariance.
-/// If both starts lead to one pose whose covariance does not reach the other solution of IPPE, this
-/// solution gives the second pose: its rotation is kept, and the position is fitted. There is no
-/// pose if the homography does not show a target in front of the camera, if the covariance is not
-/// positive definite, or if neither start converges. Throws std::invalid_argument for an empty
-/// size, and for a width or focal length that is not positive.
+/// Both starts may lead to the same pose, although the other solution of IPPE is farther away than
+/// the covariance of this pose explains. Then the other solution gives the second pose: its
+/// rotation is kept, and only the position is fitted. There is no pose if the homography does not
+/// show a target in front of the camera, if the covariance is not positive definite, or if neither
+/// start converges. Throws std::invalid_argument for an empty size, and for a width or focal length
+/// that is not positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);
@@ -53,18 +56,18 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// Returns the homography `now` (reference image -> camera image) as it would be if all rows had
 /// been exposed at the same time as the middle row.
 ///
-/// A rolling shutter exposes each of the `rows` later than the row above; from the first to the
-/// last row it takes `readout_time`, s. `before` is the homography of an image `seconds` earlier.
-/// It tells how fast the points of the target move, so that they can be moved to their places at
-/// the time of the middle row. The covariance contains the noise of both homographies, but not the
-/// error due to a change of velocity between them. If `readout_time` is between -1 and 0, the last
-/// row is exposed first, as in pictures that the driver turns by 180 degrees. If it is -1, it is
-/// not known: the homography stays `now`, and its covariance allows for a readout time of 0 +- 10
-/// ms. planarPoses() needs only six of the eight numbers, so the distortion by the shutter changes
-/// the pose little, and the covariance covers this change. Returns `now` if one of the two
-/// homographies does not show all of the reference image, or if the time between them is too short.
-/// Throws std::invalid_argument for an empty size, no rows, `seconds` of 0 or less, and a
-/// `readout_time` that is not a number.
+/// A rolling shutter exposes each of the `rows` later than the row above it; `readout_time` is the
+/// time from the first to the last row, s. `before` is the homography of an image `seconds`
+/// earlier. The two homographies show how fast the points of the target move, so that the points
+/// can be moved to their positions at the time of the middle row. The covariance contains the noise
+/// of both homographies, but not the error due to a change of velocity between them. If
+/// `readout_time` is between -1 and 0, the last row is exposed first, as in pictures that the
+/// driver turns by 180 degrees. If it is -1, the time is not known: the homography stays `now`, and
+/// the covariance allows for a readout time of 0 +- 10 ms. planarPoses() needs only six of the
+/// eight numbers, so the distortion by the shutter changes the pose little, and the covariance
+/// covers this change. Returns `now` if one of the two homographies does not show all of the
+/// reference image, or if the time between them is too short. Throws std::invalid_argument for an
+/// empty size, no rows, `seconds` of 0 or less, and a `readout_time` that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

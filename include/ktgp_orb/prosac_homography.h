@@ -25,12 +25,13 @@ struct ProsacOptions {
 
 /// The input of the estimator: parallel arrays of equal length.
 struct PointPairs {
-  std::vector<Eigen::Vector2d> reference;  ///< px in the reference image, finite
-  std::vector<Eigen::Vector2d> target;     ///< px in the target image, finite
-  std::vector<double> quality;             ///< beta = d1/d2 (Eq. 6), smaller is better
+  std::vector<Eigen::Vector2d> reference;  ///< positions in the reference image, px, finite
+  std::vector<Eigen::Vector2d> target;     ///< positions in the target image, px, finite
+  /// Quality beta = d1/d2 of each pair (Eq. 6); smaller is better.
+  std::vector<double> quality;
   /// Standard deviation of the rounding error per coordinate of each position, px, >= 0; 1/sqrt(12)
   /// for whole pixels. Neighbouring pairs with the same motion have the same rounding error, so the
-  /// residuals do not show it.
+  /// residuals do not show the rounding.
   double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
@@ -50,43 +51,48 @@ struct PointPairs {
 
 /// The rule that ended the sampling.
 enum class ProsacStop : std::uint8_t {
-  not_run,         ///< fewer than four pairs
-  maximality,      ///< any better model would have been found by now, with the given confidence
-  max_iterations,  ///< the budget was used up
+  not_run,  ///< fewer than four pairs
+  /// A better model, if there were one, would have been found by now with the given confidence.
+  maximality,
+  max_iterations,  ///< max_iterations samples were drawn
 };
 
-/// Covariance of eight entries, row by row. It is not aligned, because Eigen's alignment depends on
-/// the compiler's -march, and a program with another -march would read from wrong addresses.
+/// Covariance of the first eight entries of H, row by row. The type is not aligned, because Eigen's
+/// alignment depends on the compiler's -march, and a program with another -march would read from
+/// wrong addresses.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
 /// A homography and its uncertainty: the answer of every stage that estimates a homography. All
-/// zero if there is no homography.
+/// fields are zero if there is no homography.
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN if H(2,2) is near
-  /// zero, which can happen if the origin is far from all points and no reference size is given. It
-  /// covers the noise of the points and the part of their errors that varies smoothly over the
-  /// image (the scene is not quite a plane, the lens bends, the shutter rolls). It cannot cover
-  /// errors that are themselves a homography, such as those of a wrong calibration.
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; it is NaN if H(2,2) is
+  /// near zero, which can happen if the origin is far from all points and no reference size is
+  /// given. The covariance includes the noise of the points and the part of their errors that
+  /// varies smoothly over the image (the scene is not quite a plane, the lens bends, the shutter
+  /// rolls). It cannot include errors that are themselves a homography, such as the errors of a
+  /// wrong calibration.
   Covariance8 covariance = Covariance8::Zero();
   /// The part of `covariance` that comes from the smooth errors. The smooth errors of the next
   /// frame's homography are similar, whereas the noise is independent in each frame.
   Covariance8 shared_covariance = Covariance8::Zero();
-  /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
-  /// from a plane. 0 if it cannot be distinguished from noise.
+  /// Standard deviation per coordinate of the smooth errors, px in the target. It shows how far the
+  /// scene is from a plane. It is 0 if the smooth errors cannot be distinguished from noise.
   double plane_deviation = 0.0;
 };
 
-/// Homography, its support, and details of the search. Reused from call to call for its buffers.
+/// Homography, its support, and details of the search. If you reuse it for the next call, it keeps
+/// its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
   UncertainHomography answer;        ///< zero unless status is ok
   /// One entry per pair: 1 if its reprojection error is below the threshold, else 0.
   std::vector<std::uint8_t> mask;
-  std::size_t inliers = 0;  ///< ones in `mask`
+  std::size_t inliers = 0;  ///< number of ones in `mask`
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
-  int iterations = 0;       ///< samples drawn, also from the inliers of the best model
+  /// Number of samples drawn, including samples from the inliers of the best model.
+  int iterations = 0;
   ProsacStop stop = ProsacStop::not_run;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
@@ -102,12 +108,13 @@ double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2
 /// - no_model: no homography agrees with more than the four pairs of its sample;
 /// - model_rejected: chance explains the support of the best homography, or it mirrors the image,
 ///   or its inliers do not determine it. About one in 10 000 sets of random pairs passes the test
-///   of chance, or one in 10^12 if the horizon crosses the reference image. A pair closer than the
-///   threshold to another in either image does not count. A homography is not determined if it is
-///   uncertain by more than 10 px at a corner, or by more than 20 px without a quarter of the
-///   inliers.
-/// The homography maximises the likelihood under Student's t errors over the pairs within twice the
-/// threshold. The mask compares the reprojection errors with the threshold.
+///   against chance, or one in 10^12 if the horizon crosses the reference image. A pair does not
+///   count if it is closer than the threshold to another pair in either image. The inliers do not
+///   determine the homography if it is uncertain by more than 10 px at a corner, or by more than 20
+///   px if a quarter of the inliers is left out.
+/// The homography maximises the likelihood of the pairs within twice the threshold, whose errors
+/// are assumed to have Student's t distribution. A pair is an inlier in the mask if its
+/// reprojection error is below the threshold.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class ProsacHomography {
@@ -128,8 +135,8 @@ class ProsacHomography {
   /// Estimates with an initial homography that may be right, for example predicted from earlier
   /// frames or found by another method. It is scored before the first sample; if the pairs support
   /// it, a few samples are enough. Otherwise it has no advantage: it must win against the samples,
-  /// is refined, and gets the same verdict. It is in px, of any scale and sign. It is ignored if it
-  /// cannot be the view of a plane from one side (singular or mirrored). Throws
+  /// and is refined and tested like them. The homography is in px and may have any scale and sign.
+  /// It is ignored if it cannot be the view of a plane from one side (singular or mirrored). Throws
   /// std::invalid_argument if it is not finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size,
                 const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);

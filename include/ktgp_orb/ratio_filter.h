@@ -11,17 +11,18 @@ namespace ktgp_orb {
 /// The paper's ratio threshold T_w, for ORB's descriptors.
 constexpr double kDefaultRatioThreshold = 0.66;
 
-/// Default T_w for a kind of descriptors: the paper's value for orb, and 0.8 for teblid, which
-/// gives the same precision (doc/tuning.md).
+/// Default T_w for a kind of descriptors: the paper's value for orb, and 0.8 for teblid. Both
+/// values give the same precision (doc/tuning.md).
 double ratioThreshold(DescriptorKind kind);
 
 /// Throws std::invalid_argument unless T_w is in (0, 1].
 void requireRatioThreshold(double threshold);
 
 /// Threshold filtering (TF, Eq. 3): raises every correspondence with W = d1/d2 < `threshold` from
-/// Level::knn to Level::kt and returns their number. With `mutual`, raises only mutual nearest
-/// pairs (see KnnMatcher::matchMutual). Throws std::invalid_argument unless `threshold` T_w is in
-/// (0, 1]. T_w = 1 removes only matches with two equally near neighbours, which are ambiguous.
+/// Level::knn to Level::kt. Returns the number of raised correspondences. With `mutual`, raises
+/// only mutual nearest pairs (see KnnMatcher::matchMutual). Throws std::invalid_argument unless
+/// `threshold` T_w is in (0, 1]. T_w = 1 removes only matches with two equally near neighbours,
+/// which are ambiguous.
 std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences,
                           bool mutual = false);
 

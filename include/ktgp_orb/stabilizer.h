@@ -15,10 +15,11 @@ namespace ktgp_orb {
 struct StabilizerOptions {
   /// Time scale of the smoothing, s, > 0. Faster motion is removed as shake; slower motion is kept.
   double strength = 0.4;
-  /// Number of frames to wait for, 0..60. A larger lag gives a steadier picture but more delay.
+  /// Number of later frames that are awaited before a frame is returned, 0..60. A larger lag gives
+  /// a steadier picture but more delay.
   int lag = 0;
-  /// Share of width and height, at each border, that may be cut off, 0.01..0.4. No picture shows
-  /// anything beyond the border of its frame, so a larger correction is limited gently.
+  /// Share of width and height, at each border, that may be cut off, 0.01..0.4. A frame shows
+  /// nothing beyond its border, so larger corrections are limited gently.
   double max_crop = 0.1;
 };
 
@@ -27,7 +28,8 @@ struct SteadyFrame {
   std::int64_t stamp = 0;
   /// Homography from the frame to the steady picture of the same size, px.
   Eigen::Matrix3d warp = Eigen::Matrix3d::Identity();
-  /// The frame has no connection to the previous one: a scene cut, or no homography was found.
+  /// The frame has no connection to the previous frame, because the scene was cut or no homography
+  /// was found.
   bool starts_anew = false;
 };
 
@@ -36,9 +38,10 @@ struct SteadyFrame {
 /// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
 /// to these tracks, weighted by the distance in time. The value of the line at the time of the
-/// frame gives the corners in the steady picture. With a line instead of a mean, an evenly moving
-/// camera is followed without delay. Without lag, a new path is assumed to stand still until more
-/// frames are known. When a new path begins, the last correction fades out.
+/// frame gives the corners in the steady picture. Because a line is fitted and not a mean, the
+/// steady picture follows an evenly moving camera without delay. Without lag, a new path is assumed
+/// to stand still until more frames are known. When a new path begins, the last correction fades
+/// out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
@@ -47,17 +50,17 @@ class Stabilizer {
   explicit Stabilizer(const StabilizerOptions& options = {});
 
   const StabilizerOptions& options() const { return options_; }
-  /// Applies from the next frame on; the path continues. Throws as the constructor does.
+  /// The new options apply from the next frame on; the path continues. Throws like the constructor.
   void setOptions(const StabilizerOptions& options);
 
   /// Adds the next frame, of `size` px, taken at `stamp` ns. `homography`: reference -> frame;
-  /// empty if none was found. Appends to `ready` the frames whose positions are now known, oldest
-  /// first: the frame that was added `lag` frames ago. If a new path begins, all waiting frames are
-  /// appended first.
+  /// empty if none was found. Appends the frames whose positions are now known to `ready`, oldest
+  /// first. Usually this is the frame that was added `lag` frames ago. If a new path begins, all
+  /// waiting frames are appended first.
   void add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography, const cv::Size& size,
            std::vector<SteadyFrame>& ready);
-  /// Appends the frames that still wait.
+  /// Appends the frames that still wait for later frames to `ready`.
   void flush(std::vector<SteadyFrame>& ready);
   /// Returns to the initial state.
   void reset();
@@ -73,13 +76,16 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
-  Corners correction_;  // where the corners of the newest finished frame were moved to, px
-  Corners fading_;      // correction at the end of the last path, which fades out
+  // Positions to which the corners of the newest finished frame were moved, px.
+  Corners correction_;
+  // Correction at the end of the previous path; it fades out in the present path.
+  Corners fading_;
   std::int64_t fading_since_ = 0;
 };
 
 /// Unsteadiness of a path: mean over time and corners of the squared second difference of the image
-/// corners, px^2. `steps`: homographies from each frame to the next; 0 for fewer than 2.
+/// corners, px^2. `steps`: homographies from each frame to the next. Returns 0 for fewer than two
+/// steps.
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size);
 
 }  // namespace ktgp_orb

@@ -4,8 +4,8 @@
 
 namespace ktgp_orb {
 
-/// Outcome of matching one frame against its reference. Failure is a value, never an exception. The
-/// values equal the STATUS_ constants in MatchStatus.msg.
+/// Outcome of matching one frame against its reference. A failure is reported as a value, never as
+/// an exception. The values equal the STATUS_ constants in MatchStatus.msg.
 enum class Status : std::uint8_t {
   ok = 0,                ///< a homography, or the geometry asked for, was found
   no_reference = 1,      ///< there was no reference frame to match against

@@ -31,8 +31,9 @@ struct Target {
 
 struct TargetFinderOptions {
   /// Options of the features of frames and targets. By default there are more keypoints than usual,
-  /// in every part of the frame, because a target may be small. There are more pyramid levels
-  /// (targets use five), because a target may be three times as large as in its image.
+  /// and they are in every part of the frame, because a target may be small. A frame has more
+  /// pyramid levels than a target (which has five), because the target may appear three times as
+  /// large as in its image.
   OrbOptions orb = [] {
     OrbOptions options;
     options.max_features = 3300;
@@ -40,23 +41,26 @@ struct TargetFinderOptions {
     options.distribution = KeypointDistribution::uniform;
     return options;
   }();
-  int features =
-      500;  ///< limit of keypoints per target image, 50..5000; five times that with views
-  int largest_side = 400;  ///< larger target images are shrunk to this to save memory, px, 64..4000
-  /// Number of views in which each image of a target is searched. 1: the image itself at full, half
-  /// and quarter size; 5: also four views of it with a tilt of 2, each at these sizes.
+  /// Largest number of keypoints per target image, 50..5000; with views, five times this number.
+  int features = 500;
+  /// Longest side of a target image, px, 64..4000; larger images are shrunk to save memory.
+  int largest_side = 400;
+  /// Number of views in which each image of a target is searched. 1: only the image itself, at
+  /// full, half and quarter size. 5: also four views of the image with a tilt of 2, each at these
+  /// three sizes.
   int views = 5;
   /// Shorter side of the smallest targets to find in the frame, px, 40..1000. Only whether it is
   /// below 80 matters: then the frame is enlarged before the extraction, and about half of the
-  /// targets of 45 px are found. The factor is two, unless the frame would be longer than 2500 px;
-  /// below a factor of 1.25 it is not enlarged. A frame below 480 px is enlarged by up to four: at
-  /// 160 px, half of the targets of 18 px are found. Enlarging multiplies the time. Frames are
-  /// enlarged if no target or a small one is followed, if one was lost, and every eighth time.
+  /// targets of 45 px are found. The factor is two, or smaller if the frame would become longer
+  /// than 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames of less
+  /// than 480 px are enlarged by up to four; in frames of 160 px, half of the targets of 18 px are
+  /// found. Enlarging multiplies the time. Frames are enlarged if no target is followed, if a small
+  /// target is followed, if a target was lost, and in any case every eighth time.
   double smallest_side = 45.0;
-  /// Time for targets that were not seen in the last frame, ms per frame; a tenth of it while other
-  /// targets are followed. If infinite, all candidates are tried on every frame. A part of the
-  /// keypoints is always looked up, and two candidates are always tried. The extraction and the
-  /// targets of the last frame take additional time.
+  /// Time for the search for targets that were not seen in the last frame, ms per frame. While
+  /// other targets are followed, a tenth of this time is used. If infinite, all candidates are
+  /// tried on every frame. A part of the keypoints is always looked up, and two candidates are
+  /// always tried. The extraction and the targets of the last frame take additional time.
   double search_ms = std::numeric_limits<double>::infinity();
   int max_instances = 8;  ///< maximum number of copies of one target in a frame, 1..1000
 };
@@ -64,12 +68,14 @@ struct TargetFinderOptions {
 /// A target that was found in a frame.
 struct DetectedTarget {
   std::string id;
-  int instance = 0;  ///< number from 0; an object keeps its number while it is followed
-  /// ok, or model_rejected: another target with more or similar support is at the same place, or
-  /// around the part of this target that was found. Only one of the two can be there.
+  /// Number of the copy, from 0; an object keeps its number while it is followed.
+  int instance = 0;
+  /// ok or model_rejected. model_rejected means that another target with more or similar support
+  /// was found at the same place, or around the part of this target that was found, although only
+  /// one of the two can be there.
   Status status = Status::ok;
-  std::size_t image = 0;  ///< index of the image of the target that was found
-  cv::Size image_size;    ///< size of that image, px
+  std::size_t image = 0;  ///< index of the target's image that was found
+  cv::Size image_size;    ///< size of the image that was found, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
   /// Says in which other pose the target's picture looks the same, such as "turned by 180 degrees".
@@ -81,12 +87,14 @@ struct DetectedTarget {
   std::array<Eigen::Matrix<double, 2, 2, Eigen::DontAlign>, 4> corner_covariances;  ///< px²
   /// Homography from the target's image to the frame, px, with its covariance.
   UncertainHomography homography;
-  bool aligned = false;     ///< the homography comes from patches of the images, not from keypoints
-  std::size_t inliers = 0;  ///< keypoints that agree with the homography
+  /// True if the homography comes from aligned patches of the images, not from keypoints.
+  bool aligned = false;
+  std::size_t inliers = 0;        ///< number of keypoints that agree with the homography
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
-  int age = 0;  ///< number of successive frames that show this instance, this one included
+  int age = 0;  ///< number of successive frames that show this instance, including this frame
   /// If true, the keypoints of the target were not found, but the frame looks like its picture near
-  /// the predicted position. This relies on the previous frame, so a false alarm is more likely.
+  /// the predicted position. The prediction relies on the previous frame, so a false alarm is more
+  /// likely.
   bool predicted = false;
   /// Pairs that the homography was fitted to: positions in the target's image and in the frame, px.
   PointPairs pairs;
@@ -94,21 +102,23 @@ struct DetectedTarget {
 
 /// Result for one frame; valid until the next call.
 struct TargetFrame {
-  /// Ordered by id, then by instance.
+  /// The detected targets, ordered by id, then by instance.
   std::vector<DetectedTarget> detections;
 
   // Counts of the search.
-  std::size_t known = 0;       ///< number of known targets
-  std::size_t candidates = 0;  ///< targets with some keypoints whose pairs agree with each other
-  std::size_t tried = 0;       ///< number of candidates that were tried
-  /// Number of frames in which all keypoints are looked up in the index and every candidate is
-  /// tried, if it remains a candidate; 1 if this frame sufficed.
+  std::size_t known = 0;  ///< number of known targets
+  /// Number of targets with some pairs of keypoints that agree with each other.
+  std::size_t candidates = 0;
+  std::size_t tried = 0;  ///< number of candidates that were tried
+  /// Number of frames, at the pace of this frame, until all keypoints have been looked up in the
+  /// index and all present candidates have been tried; 1 if this frame was enough.
   std::size_t frames_for_all = 1;
-  /// A target of which max_instances were found, so that there may be more copies; empty: none.
+  /// Id of a target of which max_instances copies were found, so that there may be more copies;
+  /// empty if there is no such target.
   std::string at_limit;
-  std::size_t features = 0;  ///< keypoints of the frame
+  std::size_t features = 0;  ///< number of keypoints in the frame
   double extraction_milliseconds = 0.0;
-  double milliseconds = 0.0;  ///< extraction and search
+  double milliseconds = 0.0;  ///< time of the extraction and the search
 };
 
 /// Finds many flat targets in the frames of a camera.
@@ -121,16 +131,17 @@ struct TargetFrame {
 /// 3. Each candidate, and each target of the last frame, is matched separately (multi-index
 ///    hashing).
 /// 4. A homography grows from the best pairs, by keypoints or by the grey values around a pair. The
-///    grey values of both images must confirm it; if they are inconclusive, the test with decoys
-///    must (see HomographyGrowth). Then it is aligned to a fraction of a pixel, and more copies of
-///    the target are searched in the remaining keypoints.
+///    grey values of both images must confirm the homography; if they are inconclusive, the test
+///    with decoys must confirm it (see HomographyGrowth). Then the homography is aligned to a
+///    fraction of a pixel, and more copies of the target are searched for among the remaining
+///    keypoints.
 ///
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
 /// in the index and how many candidates are tried. Successive frames look up different keypoints.
-/// The candidates are in turn the best supported and the longest untried. So the time decides what
-/// is tried. Whether a tried target is found depends on earlier frames only through the enlargement
-/// of the frame (smallest_side) and targets followed by the images alone
-/// (DetectedTarget::predicted).
+/// By turns, the best supported candidate and the candidate that has not been tried for the longest
+/// time are tried. So the available time decides which candidates are tried. Whether a tried target
+/// is found depends on earlier frames only through the enlargement of the frame (smallest_side) and
+/// targets followed by the images alone (DetectedTarget::predicted).
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {
@@ -142,18 +153,18 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
-  /// Sets these TargetFinderOptions from the next frame on. Throws as the constructor does, without
-  /// any change.
+  /// Sets the options of these names (see TargetFinderOptions) from the next frame on. Throws like
+  /// the constructor; then nothing changes.
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
-  /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
-  /// image or an image of another type, a width that is negative or not finite, an image with too
-  /// little texture, an image that cannot be told apart from another target, and a frame that
-  /// collides with the frame of another target.
+  /// Adds a target. Throws std::invalid_argument with the reason, without any change, for an empty
+  /// or known id, no image or an image of another type, a width that is negative or not finite, an
+  /// image with too little texture, an image that cannot be told apart from another target, and a
+  /// frame that collides with the frame of another target.
   void add(const Target& target);
-  /// Adds the target in place of the one with this id, which must exist.
+  /// Replaces the target with the same id, which must exist.
   void replace(const Target& target);
-  /// False if there is no such target.
+  /// Removes a target. Returns false if there is no target with this id.
   bool remove(const std::string& id);
   /// The ids of all targets, in the order in which the targets were added.
   std::vector<std::string> ids() const;
@@ -161,13 +172,16 @@ class TargetFinder {
   /// DetectedTarget::ambiguity of the target with this id; empty if there is no such target.
   std::string ambiguity(const std::string& id) const;
 
-  /// `image`: 8-bit grey; otherwise std::invalid_argument.
+  /// Searches for the targets in the next frame. `image`: 8-bit grey; other types throw
+  /// std::invalid_argument.
   const TargetFrame& find(const cv::Mat& image);
-  /// Searches in features that were extracted elsewhere; if they have no images, there is no
-  /// alignment. Throws as requireValid does, and for another kind of descriptors.
+  /// Searches in features that were extracted elsewhere; without Features::images, there is no
+  /// alignment. Throws like requireValid, and if the features have another kind of descriptors than
+  /// the targets.
   const TargetFrame& find(const Features& features);
 
-  /// Searches all targets in an image outside the sequence. The followed targets do not change.
+  /// Searches for all targets in an image that does not belong to the sequence. The followed
+  /// targets do not change.
   const TargetFrame& findAlone(const cv::Mat& image);
 
   /// Forgets all followed targets, because the next frame belongs to another sequence.

@@ -14,7 +14,8 @@ namespace ktgp_orb {
 /// Keeps its buffers. An instance belongs to one thread at a time.
 class TargetPose {
  public:
-  /// `readout_time` of a rolling shutter, s: see withoutShutter. 0: global shutter; -1: not known.
+  /// `readout_time`: readout time of a rolling shutter, s (see withoutShutter). 0: global shutter;
+  /// -1: not known.
   explicit TargetPose(double readout_time = -1.0);
   ~TargetPose();
   TargetPose(TargetPose&&) noexcept;
@@ -24,12 +25,13 @@ class TargetPose {
 
   /// Returns the poses of a target whose width is known, as planarPoses() does. `camera`: K of an
   /// image without distortion, px. `lens`: lens of the image in which the target was found; null if
-  /// it has no distortion. `stamp`, ns, and `rows` are those of this image.
+  /// the image has no distortion. `stamp`: time of this image, ns; `rows`: its height, px.
   ///
   /// With lens distortion, no homography maps a flat target to the image. The pairs of the
-  /// detection are therefore rectified, and a homography is fitted to them. Unless the shutter is
-  /// global, the pose of a target that was also seen in the previous image is its pose when the
-  /// middle row was exposed (see withoutShutter). Throws as planarPoses() and withoutShutter() do.
+  /// detection are therefore rectified, and a homography is fitted to them. If the shutter is not
+  /// global and the target was also seen in the previous image, the pose refers to the time when
+  /// the middle row was exposed (see withoutShutter). Throws as planarPoses() and withoutShutter()
+  /// do.
   PlanarPoses find(const DetectedTarget& target, const Eigen::Matrix3d& camera, const Lens* lens,
                    std::int64_t stamp, int rows);
 

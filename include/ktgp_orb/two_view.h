@@ -21,24 +21,28 @@ namespace ktgp_orb {
 enum class Geometry : std::uint8_t {
   none = 0,
   plane = 1,     ///< a homography: the scene is flat, or, without K, the camera only turned
-  rotation = 2,  ///< the camera only turned, or stood still; only with K
+  rotation = 2,  ///< the camera only turned, or stood still; this is known only with K
   epipolar = 3,  ///< a scene with depth: essential matrix with K, fundamental matrix without
 };
 
 /// The enumerator's own name, e.g. "epipolar".
 const char* toString(Geometry geometry);
 
-/// Why another explanation of the pairs is not excluded, or why all were refused.
+/// Why another explanation of the pairs cannot be excluded, or why all explanations were rejected.
 enum class Doubt : std::uint8_t {
   none = 0,
-  two_motions_of_a_plane = 1,    ///< a plane allows two motions, and no pair tells them apart
-  few_points_off_the_plane = 2,  ///< the pairs off a dominant plane are too few, or in one place
+  /// Two motions explain a plane equally well, and no pair tells them apart.
+  two_motions_of_a_plane = 1,
+  /// The pairs off a dominant plane are too few, or are all in one place.
+  few_points_off_the_plane = 2,
   small_parallax = 3,  ///< another direction or the opposite sign of the translation fits as well
-  repetitive = 4,      ///< wrong pairings of a texture that repeats itself fit as well
-  moving_region = 5,   ///< a turn or a camera at rest explains all but one compact region
-  mirrored = 6,        ///< keypoints turn or scale against the motion, as in a mirror image
-  other_motion = 7,    ///< another motion fits as well, for none of the reasons above
-  undetermined = 8,    ///< the inliers do not determine the geometry
+  repetitive = 4,      ///< the texture repeats itself, and shifted (wrong) pairings fit as well
+  /// A pure turn or a camera at rest explains all pairs outside one compact region.
+  moving_region = 5,
+  /// The keypoints turn or scale in the opposite sense to the motion, as in a mirror image.
+  mirrored = 6,
+  other_motion = 7,  ///< another motion fits as well, for none of the reasons above
+  undetermined = 8,  ///< the inliers do not determine the geometry
 };
 
 /// The enumerator's own name, e.g. "small_parallax".
@@ -47,8 +51,8 @@ const char* toString(Doubt doubt);
 /// Options of the two-view geometry.
 struct TwoViewOptions {
   /// Largest reprojection error of an inlier of a homography in the target, px, > 0. For an
-  /// epipolar geometry, the largest Sampson distance of an inlier is half of this, since it
-  /// contains the errors in both images.
+  /// epipolar geometry, the largest Sampson distance of an inlier is half of this value, since the
+  /// Sampson distance contains the errors in both images.
   double max_error = 3.0;
   int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
@@ -59,7 +63,8 @@ struct TwoViewOptions {
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
-  /// TwoViewMatcher only: refine the points by aligning image patches, if the features have images.
+  /// Only for TwoViewMatcher: whether the points are refined by aligning image patches, if the
+  /// features have images.
   bool alignment = true;
 };
 
@@ -67,16 +72,18 @@ struct TwoViewOptions {
 /// frames (x right, y down, z forward). The unit of length is the distance between the cameras.
 struct RelativePose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< unit vector, or 0 for a rotation
+  /// Unit vector, or zero if the camera only turned.
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 };
 
 /// Prior knowledge about the two images.
 struct TwoViewInput {
-  /// K of images without distortion, px. If empty, it is not known, and no pose is estimated.
+  /// K of images without distortion, px. Leave K of the reference empty if it is not known; then no
+  /// pose is estimated.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;  ///< if empty, the reference's K is used
   cv::Size reference_size;  ///< px; if empty, the bounding box of the points is used
-  cv::Size target_size;     ///< px; if empty, likewise
+  cv::Size target_size;     ///< px; if empty, the bounding box of the points is used
   /// A motion that may be right, for example the motion of the previous frame. It is scored before
   /// the first sample and has no other advantage.
   std::optional<RelativePose> prediction;
@@ -93,9 +100,10 @@ struct TwoViewInput {
 
 /// A point of the scene in the reference camera's frame.
 struct ScenePoint {
-  std::size_t pair = 0;                                ///< index of its pair
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in units of the baseline
-  /// Covariance of the position, from the scale of the errors; the motion is taken as exact.
+  std::size_t pair = 0;                                ///< index of the pair that shows the point
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position in units of the baseline
+  /// Covariance of the position, which follows from the scale of the errors; the motion is assumed
+  /// to be exact.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -103,14 +111,16 @@ struct ScenePoint {
 struct OtherMotion {
   Geometry geometry = Geometry::none;
   RelativePose pose;
-  Covariance6 pose_covariance = Covariance6::Zero();  ///< of this motion; see TwoView
-  double probability = 0.0;                           ///< in [0, 1]
+  /// Covariance of this motion; see TwoView::pose_covariance.
+  Covariance6 pose_covariance = Covariance6::Zero();
+  double probability = 0.0;  ///< probability of this motion, in [0, 1]
 };
 
-/// Result of TwoViewEstimator::estimate. It keeps its buffers if you reuse it.
+/// Result of TwoViewEstimator::estimate. If you reuse it for the next call, it keeps its buffers.
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
-  /// ok: why `other` is not excluded; model_rejected: why there is no answer; else none.
+  /// If the status is ok: why `other` is not excluded; if model_rejected: why there is no answer;
+  /// otherwise none.
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 
@@ -121,8 +131,9 @@ struct TwoView {
   /// and for a plane without K.
   Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
 
-  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the next likely motion
-  /// that is really different, if it is not excluded; it has the rest of the probability.
+  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the second likeliest
+  /// motion that differs clearly from the first, unless it can be excluded; it has the rest of the
+  /// probability.
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
@@ -132,20 +143,21 @@ struct TwoView {
   /// distance of the scene. Where there is `other`, it spans both motions. NaN without K or where
   /// it is not known.
   Covariance6 pose_covariance = Covariance6::Zero();
-  /// Median angle between the two rays of an inlier, degrees; NaN without K.
+  /// Angle between the two rays of an inlier, degrees: the median over all inliers; NaN without K.
   double parallax = 0.0;
 
   /// One entry per pair: 1 if it agrees with the geometry and, with K, lies in front of both
   /// cameras.
   std::vector<std::uint8_t> mask;
-  std::size_t inliers = 0;  ///< ones in `mask`
+  std::size_t inliers = 0;  ///< number of ones in `mask`
   /// Root mean square over the inliers, px: reprojection error in the target (plane, rotation) or
   /// Sampson distance (epipolar).
   double rmse = 0.0;
   double scale = 0.0;  ///< robust scale of the Sampson distances, px; 0 unless epipolar
 
-  /// log10 of the expected number of models with such support by chance (Moisan & Stival, IJCV
-  /// 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no model. The smaller number wins.
+  /// log10 of the expected number of models that get the same support by chance (Moisan & Stival,
+  /// IJCV 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no model. The model with the
+  /// smaller number is chosen.
   double log_false_alarms_homography = 0.0;
   double log_false_alarms_epipolar = 0.0;
   int iterations = 0;  ///< number of samples in the search for the epipolar geometry
@@ -155,19 +167,21 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 
 /// Finds the geometry that explains the point pairs of two images: plane, rotation, depth or none.
 ///
-/// All models are searched by PROSAC, with samples of four pairs for a homography, five for an
+/// PROSAC searches for each model, with samples of four pairs for a homography, five for an
 /// essential matrix (Nister, PAMI 2004) and seven for a fundamental matrix. Then the motion is
-/// refined on its manifold by maximum likelihood, with Student's t errors of Sampson distances.
+/// refined on its manifold by maximum likelihood, which assumes Student's t distribution of the
+/// Sampson distances.
 ///
-/// The model with fewer false alarms is chosen. Every pair may agree with a wrong model by chance;
-/// the probability is the area of a disc around the predicted point (homography) or of a strip
-/// along the epipolar line, with the size of the error, relative to the image. If there is a
-/// homography, the pairs must also show parallax: their residuals under the homography must point
-/// along the epipolar lines more often than random directions. So a plane with a few other points
-/// gives an epipolar geometry, and a plane alone remains a plane.
+/// The model with fewer false alarms is chosen. Every pair may agree with a wrong model by chance.
+/// The probability is the share of the image that is covered by a disc around the predicted point
+/// (homography) or by a strip along the epipolar line, whose radius or half width is the error. If
+/// there is a homography, the pairs must also show parallax: their residuals under the homography
+/// must point along the epipolar lines more often than random directions. So a plane with a few
+/// other points gives an epipolar geometry, and a plane without other points is reported as a
+/// plane.
 ///
-/// model_rejected: a geometry is significant, but contradicted or not determined; see
-/// TwoView::doubt.
+/// The status is model_rejected if a geometry is significant, but other evidence contradicts it or
+/// the inliers do not determine it; see TwoView::doubt.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewEstimator {
@@ -195,16 +209,19 @@ TwoView estimateTwoView(const std::vector<Eigen::Vector2d>& reference,
                         const std::vector<Eigen::Vector2d>& target, const TwoViewInput& input = {},
                         const TwoViewOptions& options = {});
 
-/// The two-view geometry of the matches of two frames. It keeps its buffers if you reuse it.
+/// Result of TwoViewMatcher::estimate: the two-view geometry of the matches of two frames. If you
+/// reuse it for the next call, it keeps its buffers.
 struct TwoViewMatches {
   TwoView view;
-  /// The matches of level ktg and above, in their order. If the alignment of a match succeeded, its
-  /// points are more accurate than the keypoints.
+  /// Point pairs of the matches of level ktg and above, in the order of the matches. If a match
+  /// could be aligned, its points are the aligned positions, which are more accurate than the
+  /// keypoints.
   PointPairs pairs;
-  std::vector<std::size_t> match;     ///< index of each pair in the list of matches
-  std::vector<std::uint8_t> aligned;  ///< 1 if the points were aligned by the images
-  /// Level of each match: Level::ktgp if it agrees with the geometry of `view`, else its old level,
-  /// but at most Level::ktg.
+  std::vector<std::size_t> match;  ///< index of each pair in the list of matches
+  /// For each pair, 1 if its points were aligned by image patches, else 0.
+  std::vector<std::uint8_t> aligned;
+  /// Level of each match: Level::ktgp if it agrees with the geometry of `view`, otherwise its old
+  /// level, but at most Level::ktg.
   std::vector<Level> levels;
 };
 
@@ -212,9 +229,10 @@ struct TwoViewMatches {
 ///
 /// Keypoints are accurate to half a pixel. For each match, the patch of 16x16 px around the
 /// reference keypoint is found in the target (see Alignment). The patch is warped by the affine map
-/// of the twelve nearest matches, so no plane is assumed. A match keeps its keypoints if it would
-/// move by more than 4 px or if its patches do not look alike (correlation below 0.8). Without
-/// Features::images, all keypoints are kept.
+/// of the twelve nearest matches, so no plane is assumed. A match keeps the positions of its
+/// keypoints if alignment would move it by more than 4 px, or if its patches do not look alike
+/// (correlation below 0.8). Without Features::images, all matches keep the positions of their
+/// keypoints.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewMatcher {
@@ -225,8 +243,8 @@ class TwoViewMatcher {
   TwoViewMatcher(TwoViewMatcher&&) noexcept;
   TwoViewMatcher& operator=(TwoViewMatcher&&) noexcept;
 
-  /// `matches`: matches of KtgpMatcher. The image sizes are taken from the features, not from
-  /// `input`. Throws as TwoViewEstimator::estimate does.
+  /// `matches`: the correspondences of KtgpMatcher. The image sizes are taken from the features,
+  /// not from `input`. Throws as TwoViewEstimator::estimate does.
   void estimate(const Features& reference, const Features& target,
                 const std::vector<Correspondence>& matches, const TwoViewInput& input,
                 TwoViewMatches& result);
@@ -236,8 +254,8 @@ class TwoViewMatcher {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Computes the scene points of the inliers, in the order of the pairs. `points` is empty without a
-/// pose with a translation. Pairs whose rays are parallel within the errors are left out.
+/// Computes the scene points of the inliers, in the order of the pairs. `points` is empty if there
+/// is no pose with a translation. Pairs whose rays are parallel within the errors are left out.
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points);
 

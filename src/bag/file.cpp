@@ -17,7 +17,7 @@ namespace {
 
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
 constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at once after damage
-constexpr std::size_t kNotedAtMost = 4;        // problems that damage() describes
+constexpr std::size_t kNotedAtMost = 4;        // damage() describes at most this many problems
 /// Largest size of a chunk that we believe, in bytes, since a damaged compressed chunk may declare
 /// any size. rosbag writes chunks below a megabyte unless one image is larger.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
@@ -101,7 +101,7 @@ std::optional<Record> BagFile::recordAt(std::size_t position) {
 
 std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
                                                const std::vector<Operation>& kinds) {
-  constexpr std::size_t kOverlap = 8192;  // longer than any header that findRecord() finds
+  constexpr std::size_t kOverlap = 8192;  // bytes; longer than any header that findRecord() finds
   for (std::size_t block = begin; block < size_; block += kSearchBlock) {
     const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
     const std::size_t beyond = size_ - block - bytes.size();
@@ -126,7 +126,7 @@ void BagFile::scan() {
   checkAgainstInfos();
 }
 
-/// Reads a record and returns where the next one begins.
+/// Reads a record and returns the position of the next record.
 std::size_t BagFile::scanRecord(std::size_t position) {
   const auto record = recordAt(position);
   if (!record) return skipDamage(position);
@@ -186,7 +186,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
       noteAt(position, "a wrong size");
       chunk.stored_size = chunk.size;
     } else {
-      // Either the size is wrong, or the record after the chunk is damaged.
+      // Either the size of the chunk is wrong, or the record after the chunk is damaged.
       const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
       if (found < chunk.stored_size) {
         noteAt(position, "damaged or cut off");
@@ -306,7 +306,7 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // Messages are not missing if their chunk is only at another position.
+  // Messages are not missing if their chunk exists at another position.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {
@@ -382,7 +382,7 @@ ChunkContents BagFile::read(const Chunk& chunk) {
   std::string_view bytes;
   try {
     bytes = plainBytes(chunk, contents);
-  } catch (const std::exception& error) {  // rosbag::BagException or std::bad_alloc
+  } catch (const std::exception& error) {  // the chunk is damaged or too large for the memory
     noteAt(chunk.position, std::string("a chunk cannot be decompressed (") + error.what() + ")");
     return contents;
   }

@@ -73,7 +73,8 @@ struct Message {
 /// A chunk in memory.
 struct ChunkContents {
   std::shared_ptr<char> bytes;
-  std::vector<Message> messages;  ///< in the order of the file; their data point into `bytes`
+  /// messages in the order of the file; the data of each point into `bytes`
+  std::vector<Message> messages;
 };
 
 /// Locates all records of a bag at once, but reads the messages chunk by chunk. Notes
@@ -90,7 +91,8 @@ class BagFile {
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
   /// Whether the file ends with its index; an interrupted recording has no index.
   bool hasIndex() const { return !infos_.empty(); }
-  /// The problems found so far, as text for users: the first few, and how many more there are.
+  /// Text for users about the problems found so far: describes the first few, and counts the
+  /// others.
   std::string damage() const;
   /// Adds a problem unless it was noted before.
   void note(const std::string& what);
@@ -100,7 +102,7 @@ class BagFile {
 
  private:
   struct ChunkInfo {
-    std::size_t chunk;  ///< position of the chunk
+    std::size_t chunk;  ///< position of the chunk in the file
     std::optional<ros::Time> start;
     std::optional<ros::Time> end;
     std::map<std::uint32_t, std::size_t> counts;
@@ -130,14 +132,15 @@ class BagFile {
   std::ifstream file_;
   std::size_t size_ = 0;
   std::vector<Chunk> chunks_;
-  std::size_t chunk_end_ = 0;     ///< the next index record of the last chunk begins here
+  /// Position at which the next index record of the last chunk must begin.
+  std::size_t chunk_end_ = 0;
   std::size_t damage_begin_ = 0;  ///< beginning of the damage that ends at `damage_end_`
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;
   std::map<std::uint32_t, std::set<Topic>> connections_;
   std::map<std::uint32_t, std::size_t> missing_;
   std::optional<Record> header_;
-  std::vector<std::string> noted_;  ///< the first problems
+  std::vector<std::string> noted_;  ///< texts of the first problems
   std::size_t noted_more_ = 0;
 };
 

@@ -8,7 +8,8 @@ namespace {
 
 /// Bytes of a length field.
 constexpr std::size_t kLength = 4;
-/// Longest header, in bytes, that the search after damage finds; nearly all are far shorter.
+/// Longest header, in bytes, that the search after damage finds; nearly all headers are far
+/// shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 
 std::optional<Operation> operationOf(const Fields& fields) {
@@ -17,7 +18,8 @@ std::optional<Operation> operationOf(const Fields& fields) {
   return static_cast<Operation>(op[0]);
 }
 
-/// Fast test whether a record may begin at `bytes`. It rejects nearly all other positions.
+/// Fast test whether a record may begin at `bytes`. It rejects nearly all positions at which none
+/// begins.
 bool mayBegin(const char* bytes) {
   const std::size_t header = numberAt(bytes);
   const std::size_t field = numberAt(bytes + kLength);
@@ -25,7 +27,8 @@ bool mayBegin(const char* bytes) {
          field + kLength <= header;
 }
 
-/// Removes and returns the element count before an array; empty if the message is too short.
+/// Removes the number of elements from the beginning of an array and returns it; empty if the
+/// message is too short.
 std::optional<std::size_t> takeCount(std::string_view& message) {
   if (message.size() < kLength) return std::nullopt;
   const std::size_t count = numberAt(message.data());

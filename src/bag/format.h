@@ -40,7 +40,8 @@ constexpr std::size_t kLargestHeader = 1 << 20;
 
 /// Reads four bytes as a little-endian number, like all numbers of the format.
 std::uint32_t numberAt(const char* position);
-/// The number in four bytes of a field, from `offset` on; empty if the field is missing or short.
+/// The number in the four bytes of a field that begin at `offset`; empty if the field is missing or
+/// short.
 std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
                                     std::size_t offset = 0);
 /// The time in a field of eight bytes; empty if the field is missing, short or invalid.
@@ -55,14 +56,15 @@ std::optional<Fields> parseFields(std::string_view bytes);
 /// formed.
 std::optional<Record> parseRecord(std::string_view bytes);
 
-/// Position of the first record of one of the kinds from `begin` on; empty if there is none. The
-/// record's data must end within the bytes plus `beyond`. Reading resumes there after damage.
+/// Position of the first record at or after `begin` whose kind is in `kinds`; empty if there is
+/// none. The record's data must end at most `beyond` bytes after the end of `bytes`. After damage,
+/// reading resumes at this position.
 std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
 /// Whether the array lengths in a message of this type fit its bytes. ROS does not check this
-/// before it allocates memory for an array. True for types without arrays and for types not read
-/// here.
+/// before it allocates memory for an array. True for types without arrays and for types that this
+/// package does not read.
 bool isWellFormed(const std::string& type, std::string_view message);
 
 }  // namespace ktgp_orb::bag

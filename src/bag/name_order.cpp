@@ -12,7 +12,7 @@ namespace {
 
 struct Number {
   bool negative = false;
-  std::string whole;     ///< digits, without leading zeros
+  std::string whole;     ///< digits before the point, without leading zeros
   std::string fraction;  ///< digits after the point
 };
 
@@ -129,7 +129,8 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Whether the digits after the point are a counter in the numbers at this place of all names.
+/// Whether the digits after the point are a counter in all names, for the numbers at position
+/// `place` of the names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
   // A tenth of all decimals have a zero right after the point, and a tenth of all counters end with
   // a zero. Among many names, one may be an exception.
@@ -178,7 +179,7 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  constexpr std::size_t kRare = 20;  // at most one of this many names is odd
+  constexpr std::size_t kRare = 20;  // at most one name in this many may be odd
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
   std::size_t most = 0;

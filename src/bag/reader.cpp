@@ -171,7 +171,7 @@ std::optional<RecordedMessage> BagMessages::next() {
     const std::uint32_t connection = queue_.begin()->second;
     queue_.erase(queue_.begin());
     current_ = contentsOf(chunk);
-    if (number >= current_->messages.size()) continue;  // it can no longer be read
+    if (number >= current_->messages.size()) continue;  // the message can no longer be read
     ++read_;
     return RecordedMessage{connections_.at(connection), time, current_->messages[number].data};
   }

@@ -24,9 +24,9 @@
 
 namespace ktgp_orb {
 
-/// A message of a bag, valid until the next one is read.
+/// A message of a bag, valid until the next message is read.
 struct RecordedMessage {
-  std::set<bag::Topic> topics;  ///< one, or several if a damaged bag contradicts itself
+  std::set<bag::Topic> topics;  ///< one topic, or several if a damaged bag contradicts itself
   ros::Time received;
   std::string_view bytes;
 
@@ -52,7 +52,8 @@ struct RecordedMessage {
 };
 
 /// The messages of selected topics of a bag, which may be damaged, in the order of their times.
-/// Reads chunks in the order of their first messages, and only as far as the next message needs.
+/// Reads the chunks in the order of their first messages. Reads a chunk only when it may contain
+/// the next message.
 class BagMessages {
  public:
   using Wanted = std::function<bool(const bag::Topic&)>;
@@ -92,18 +93,18 @@ class BagMessages {
   ros::Time begin_;
   ros::Time end_;
   std::size_t total_ = 0;
-  std::vector<std::pair<ros::Time, std::size_t>>
-      order_;                           // first time and number of each chunk with wanted messages
+  // For each chunk with wanted messages: time of the first wanted message, and number of the chunk.
+  std::vector<std::pair<ros::Time, std::size_t>> order_;
   std::size_t unread_ = 0;              // index in order_ of the next chunk
   std::map<Key, std::uint32_t> queue_;  // connection of each queued message
   std::list<std::pair<std::size_t, ContentsPtr>> kept_;
   ContentsPtr current_;       // chunk of the message returned last
-  std::size_t expected_ = 0;  // messages that the chunks read should have
+  std::size_t expected_ = 0;  // number of messages that the chunks read so far should contain
   std::size_t read_ = 0;
 };
 
 struct RecordedImage {
-  sensor_msgs::ImageConstPtr image;  ///< null if it cannot be decoded
+  sensor_msgs::ImageConstPtr image;  ///< null if the image cannot be decoded
   ros::Time received;
   std::string problem{};  ///< the reason, if there is no image
 };
@@ -129,9 +130,9 @@ class ImageSource {
 };
 
 struct BagSelection {
-  std::string topic;       ///< empty: the only image topic
+  std::string topic;       ///< empty: the bag's only image topic
   double start = 0.0;      ///< s after the beginning of the bag
-  double duration = -1.0;  ///< s; below 0: to the end
+  double duration = -1.0;  ///< s; below 0: to the end of the bag
 };
 
 /// Opens the images (sensor_msgs/Image or CompressedImage) of one topic of a bag, damaged or not.
@@ -140,11 +141,13 @@ struct BagSelection {
 /// image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
-/// Namespace of the camera that publishes the image topic, which may be a compressed one.
+/// Namespace of the camera that publishes the image topic. The topic may also be a topic of
+/// compressed images.
 std::string cameraOf(const std::string& image_topic);
 
-/// The first camera_info of a calibrated camera beside the image topic, else the first camera_info
-/// at all. Throws UnusableBag if there is none. `user`: what needs the camera_info.
+/// The first camera_info of a calibrated camera on the topic beside the image topic. If that camera
+/// is not calibrated, the first camera_info. Throws UnusableBag if there is no camera_info. `user`:
+/// name of the option or function that needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
 /// Says that the last camera_info of the bag differs from `used`; empty: it does not. Those between

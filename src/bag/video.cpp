@@ -25,8 +25,8 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// Whether a file begins with `start`. Returns false for a pipe: reading it here could block, and
-/// would take bytes from its later reader.
+/// Whether a file begins with `start`. Returns false for a pipe: reading from it here could block,
+/// and the later reader of the pipe would miss these bytes.
 bool beginsWith(const std::string& path, const std::string& start) {
   std::error_code none;
   if (!std::filesystem::is_regular_file(path, none)) return false;
@@ -62,7 +62,8 @@ void refuseTopic(const std::string& path, const BagSelection& selection) {
 }
 
 /// Tries FFmpeg and GStreamer; cv::CAP_ANY would also try cameras and patterns. Suppresses the
-/// messages of OpenCV and FFmpeg about a file that is no video, since the caller reports it.
+/// messages of OpenCV and FFmpeg about a file that is not a video, since the caller reports such a
+/// file.
 bool opened(const std::string& path, cv::VideoCapture& video) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   const auto level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
@@ -71,9 +72,9 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
   return done;
 }
 
-/// Counts all images, also hidden ones: cutting an MP4 or MOV without re-encoding leaves images
-/// that players do not show. FFmpeg returns them with an option that OpenCV reads from the
-/// environment.
+/// Counts all images, including hidden images: if an MP4 or MOV was cut without re-encoding, it
+/// still contains images that players do not show. FFmpeg returns them with an option that OpenCV
+/// reads from the environment.
 std::size_t imagesIn(const std::string& path) {
   constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
   const char* const given = std::getenv(kOptions);
@@ -133,17 +134,17 @@ class Video : public ImageSource {
   }
 
  private:
-  /// Whether the last image comes too early; checked for Matroska only, else true. Matroska does
-  /// not store the number of images. OpenCV estimates it from the length and the usual rate, which
-  /// is wrong if the rate varies, so we compare the times.
+  /// Whether the last image comes too early. Only Matroska needs this check; returns true for all
+  /// other containers. Matroska does not store the number of images. OpenCV estimates it from the
+  /// length and the usual rate, which is wrong if the rate varies, so we compare the times.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
     return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
   }
 
-  /// Whether `images` is clearly below the number in the file. A number that is only an estimate is
-  /// slightly wrong, and far too high if the first image is late.
+  /// Whether `images` is clearly below the number of images that the file declares. A declared
+  /// number that is only an estimate is slightly wrong, or far too high if the first image is late.
   bool isTooFew(std::size_t images) const {
     constexpr std::size_t kTolerance = 50;  // one missing image in this many is tolerated
     constexpr std::size_t kMost = 100;  // a declared number this many times too high is an estimate
@@ -166,8 +167,8 @@ class Video : public ImageSource {
   }
 
   /// Time of the image grabbed last, s. OpenCV gives no time for the last images of a video with
-  /// B-frames, and a repeated time would count as a repeated image. We add the usual step to the
-  /// time of the previous image instead.
+  /// B-frames, and a repeated time would count as a repeated image. For such images, the usual step
+  /// is added to the time of the previous image.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
@@ -189,7 +190,8 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  std::deque<double> steps_{1.0 / 30.0};  // s; the default for containers without a rate
+  // Last times between images, s. Begins with a default for containers without a rate.
+  std::deque<double> steps_{1.0 / 30.0};
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;
   double last_ = 0.0;  // s, time of the image grabbed last

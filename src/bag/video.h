@@ -11,8 +11,8 @@ namespace ktgp_orb {
 /// Kinds of recordings that the programs read.
 enum class InputKind { bag, video, images };
 
-/// A file is a bag if its first line or the ending ".bag" says so. A name with *, ? or [ that is
-/// not a file is a pattern of images; anything else is a video.
+/// A file is a bag if it begins like a bag or its name ends in ".bag". A name with *, ? or [ that
+/// is not a file is a pattern of images; anything else is a video.
 InputKind kindOf(const std::string& path);
 
 /// Opens a video that OpenCV can read. The stamp of an image is its time in the video; a time of
@@ -21,9 +21,9 @@ InputKind kindOf(const std::string& path);
 std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelection& selection,
                                        double rate);
 
-/// Opens all images whose names match the pattern, "img2.png" before "img10.png", at `rate` images
-/// per second. Shrinks images with a side above `longest_side` pixels; 0: no limit. Throws
-/// UnusableBag.
+/// Opens all images whose names match the pattern, sorted by number ("img2.png" before
+/// "img10.png"), as a recording with `rate` images per second. Shrinks images with a side above
+/// `longest_side` pixels; 0: no limit. Throws UnusableBag.
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
                                         double rate, int longest_side);
 

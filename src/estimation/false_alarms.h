@@ -14,7 +14,7 @@ namespace ktgp_orb::estimation {
 ///   NFA(k) = (N - m) C(N, k) C(k, m) p^(k-m).
 class FalseAlarms {
  public:
-  /// `sample_size` m; `pairs` N.
+  /// `sample_size`: m. `pairs`: N.
   FalseAlarms(std::size_t sample_size, std::size_t pairs);
 
   /// Adds one pair and returns log10 of the NFA; the first call adds pair m + 1. `p`: probability
@@ -25,12 +25,12 @@ class FalseAlarms {
   double m_;
   double n_;
   double k_;
-  double log_subsets_ = 0.0;  // log10 of (N - m) C(N, k) C(k, m)
+  double log_subsets_ = 0.0;  // log10 of (N - m) C(N, k) C(k, m) for the present k
 };
 
-/// Area in px² that the points cover: their bounding box without far outliers (Tukey, 1977: more
-/// than three interquartile ranges beyond the quartiles). A single outlier would enlarge the box
-/// and make every agreement seem significant.
+/// Area in px² that the points cover. It is the area of their bounding box, without far outliers
+/// (Tukey, 1977: more than three interquartile ranges beyond the quartiles). A single outlier would
+/// enlarge the box and make every agreement seem significant.
 double coveredArea(const std::vector<Eigen::Vector2d>& points);
 
 /// Probability that a pair agrees with a wrong model because a random target point lies within

@@ -10,8 +10,8 @@ namespace ktgp_orb::estimation {
 
 namespace {
 
-/// An integer that sorts like the number in single precision. Single precision separates all ratios
-/// of Hamming distances.
+/// An integer that sorts like `quality` rounded to single precision, which is precise enough to
+/// separate all ratios of Hamming distances.
 std::uint64_t sortKey(double quality) {
   const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
   std::uint32_t bits = 0;
@@ -22,7 +22,8 @@ std::uint64_t sortKey(double quality) {
 
 }  // namespace
 
-/// Radix sort from the lowest byte on: stable, and several times faster than comparison sorts.
+/// This radix sort begins with the lowest byte. It is stable, and several times faster than
+/// comparison sorts.
 void QualityOrder::sort(const std::vector<double>& quality) {
   const std::size_t n = quality.size();
   keys_.resize(n);
@@ -53,14 +54,15 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  constexpr double kSteadyShare = 4.0;  // the steady start gets at most a quarter of the budget
+  // Divides the budget: the steady start gets at most a quarter.
+  constexpr double kSteadyShare = 4.0;
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
   steady_ = std::min(1.0, budget / (kSteadyShare * n));
   growth_ = std::max(0.0, budget - 1.0 - steady_ * (n - m)) / orderedSamples(points);
 }
 
-/// Number of ordered samples from n pairs: n (n-1) (n-2) … = m! C(n,m)
+/// Number of ordered samples that can be drawn from n pairs: n (n-1) (n-2) … = m! C(n,m).
 double ProsacSampler::orderedSamples(std::size_t n) const {
   const double x = static_cast<double>(n);
   double product = x;
@@ -80,7 +82,8 @@ void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < time) ++growth_set_size_;
   sample.resize(sample_size_);
   if (samplesUntil(growth_set_size_) >= time) {
-    sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn earlier
+    // The newest pair, since samples without it were drawn earlier.
+    sample[0] = growth_set_size_ - 1;
     drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {
     drawDistinct(growth_set_size_, 0, random_, sample);
@@ -95,9 +98,9 @@ constexpr double kPsi = 0.05;
 /// together also agree with models that are wrong elsewhere.
 constexpr std::size_t kMinSamplesLong = 5;
 
-/// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
-/// step of n needs two products, since j grows by at most one:
-///   P(X_{n+1} >= j) = P(X_n >= j) + beta P(X_n = j - 1).
+/// min_inliers[n] = m + the smallest j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
+/// step of n needs only two products, since j grows by at most one: P(X_{n+1} >= j) = P(X_n >= j) +
+/// beta P(X_n = j - 1).
 void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_t>& min_inliers) {
   const double odds = beta / (1.0 - beta);
   double j = 1.0;
@@ -116,7 +119,8 @@ void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_
   }
 }
 
-/// Probability that a sample from n pairs, of which `inliers` are inliers, has only inliers.
+/// Probability that a sample has only inliers, if it is drawn from n pairs of which `inliers` are
+/// inliers.
 double goodSample(int sample_size, double inliers, double n) {
   double p = 1.0;
   for (int i = 0; i < sample_size; ++i) p *= (inliers - i) / (n - i);

@@ -14,7 +14,8 @@ namespace ktgp_orb::estimation {
 /// The order in which PROSAC draws pairs, best quality first. Keeps its buffers.
 class QualityOrder {
  public:
-  /// Sorts by quality, smaller is better; pairs of equal quality keep the order of the input.
+  /// Sorts pairs by quality; smaller values are better. Pairs of equal quality keep the order of
+  /// the input.
   void sort(const std::vector<double>& quality);
 
   /// Index, in the input, of the pair at `place` in the order of quality.
@@ -29,35 +30,38 @@ class QualityOrder {
   std::vector<std::uint64_t> sorted_;
 };
 
-/// Sample of different pairs, enough to determine a model: their places in the order of quality.
+/// A sample: different pairs, just enough to determine a model. A pair is given by its place in the
+/// order of quality.
 using ProsacSample = std::vector<std::size_t>;
 
-/// Fills the entries of `sample` from `first` on with numbers below `end` that the sample does not
-/// contain yet. There must be enough of these numbers.
+/// Fills the entries of `sample` from index `first` on with random numbers below `end` that the
+/// sample does not contain yet. At least sample.size() different numbers must be available.
 void drawDistinct(std::size_t end, std::size_t first, util::Random& random, ProsacSample& sample);
 
-/// Draws samples of m pairs from a growing set of the best (Chum & Matas, CVPR 2005, section 2).
+/// Draws samples of m pairs from a growing set of the best pairs (Chum & Matas, CVPR 2005, section
+/// 2).
 ///
-/// The growth function gives the number of samples after which the best n pairs were all used. The
-/// growth function of the paper is T_N C(n,m)/C(N,m), with each step rounded up to at least one
-/// sample. With a budget of T_N samples it never reaches the last pair, since the rounding forces
-/// N - m samples. This class uses
+/// The growth function gives the number of samples after which the set grows beyond the best n
+/// pairs. The growth function of the paper is T_N C(n,m)/C(N,m), with each step rounded up to at
+/// least one sample. With a budget of T_N samples it never reaches the last pair, since the
+/// rounding forces N - m additional samples. This class uses
 ///
-///   T'(n) = 1 + r (n - m) + T_N C(n,m)/C(N,m),   r = min(1, budget / 4N),   T'(N) = budget:
+///   T'(n) = 1 + r (n - m) + T_N C(n,m)/C(N,m), r = min(1, budget / 4N), T'(N) = budget:
 ///
-/// First, each new pair gets r samples, which takes at most a quarter of the budget. Then the
+/// Each new pair gets r samples, which takes at most a quarter of the budget. In addition, the
 /// function grows as in the paper, with the rest of the budget as T_N. For every N, the last sample
 /// includes the last pair.
 class ProsacSampler {
  public:
-  /// `sample_size` m >= 1; `points` N >= m; `budget`: maximum number of samples, >= 1.
+  /// `sample_size`: m >= 1. `points`: N >= m. `budget`: maximum number of samples, >= 1.
   ProsacSampler(std::size_t sample_size, std::size_t points, int budget, std::uint64_t seed);
 
   /// Subtracts samples that were drawn elsewhere from the budget. The growth speeds up, so that the
   /// last sample still includes the last pair.
   void spend(int samples) { spent_ += samples; }
 
-  /// Draws a sample of m indices. The set of pairs does not grow beyond `limit` (n* in the paper).
+  /// Draws a sample of m indices. The set of pairs from which it draws does not grow beyond `limit`
+  /// (n* in the paper).
   void draw(std::size_t limit, ProsacSample& sample);
 
   int drawn() const { return drawn_; }
@@ -74,8 +78,8 @@ class ProsacSampler {
   std::size_t sample_size_;
   std::size_t points_;
   int budget_;
-  double steady_;  // r, samples for each new pair
-  double growth_;  // T_N over the number of ordered samples from N pairs
+  double steady_;  // r: number of samples for each new pair
+  double growth_;  // T_N divided by the number of ordered samples from N pairs
   int drawn_ = 0;
   int spent_ = 0;
   std::size_t growth_set_size_;
@@ -84,25 +88,29 @@ class ProsacSampler {
 
 /// Decides when PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). Two rules apply to the
 /// number of inliers I_n among the best n pairs, for every n:
-/// - non-randomness (Eq. 8, 9): a wrong model has I_n inliers less than psi = 5 % of the time, if
-///   each pair beyond the sample agrees with it by chance with probability beta;
+/// - non-randomness (Eq. 8, 9): the probability that a wrong model has I_n inliers must be less
+/// than
+///   psi = 5 %, if each pair beyond the sample agrees with it by chance with probability beta;
 /// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, a better model in the
 ///   best n pairs was missed with probability eta0. P_n: probability of an all-inlier sample.
-/// The termination length n* is the n with the smallest k_n that passes the first rule.
+/// The termination length n* is the n with the smallest k_n among those that pass the first rule.
 class ProsacStopping {
  public:
-  /// `sample_size` m: pairs that determine a model; `points` N >= m; `chance_inlier` beta in (0,
-  /// 1): chance that a wrong model agrees with a pair; `confidence` 1 - eta0 in (0, 1).
+  /// `sample_size`: m, the number of pairs that determine a model. `points`: N >= m.
+  /// `chance_inlier`: beta in (0, 1), the chance that a wrong model agrees with a pair.
+  /// `confidence`: 1 - eta0 in (0, 1).
   void reset(std::size_t sample_size, std::size_t points, double chance_inlier, double confidence);
 
-  /// Updates the rules with a new best model; `inlier` is in order of quality.
+  /// Updates the rules with a new best model. `inlier`: whether each pair is an inlier of this
+  /// model, in order of quality.
   void update(const std::vector<std::uint8_t>& inlier);
 
-  /// n*; N before the first model.
+  /// The termination length n*; N before the first model.
   std::size_t terminationLength() const { return termination_length_; }
-  /// Number of samples that maximality requires; infinite if no n passes non-randomness.
+  /// Number of samples that the maximality rule requires; infinite if no n passes the
+  /// non-randomness rule.
   double samplesNeeded() const { return samples_needed_; }
-  /// Smallest number of inliers among the best n pairs that passes non-randomness.
+  /// Smallest number of inliers among the best n pairs with which n passes the non-randomness rule.
   std::size_t minInliers(std::size_t n) const { return min_inliers_[n]; }
 
  private:
@@ -117,7 +125,7 @@ struct ProsacRules {
   int max_iterations = 2000;    ///< maximum number of samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong model, in (0, 1)
-  int min_iterations = 0;       ///< least number of samples from the growing set, within the budget
+  int min_iterations = 0;  ///< minimum number of samples from the growing set, within the budget
   std::uint64_t seed = 1;
 };
 
@@ -163,9 +171,9 @@ class ProsacSearch {
     return best_cost_ < std::numeric_limits<float>::infinity();
   }
 
-  /// The model of the last run with the least cost, if a model was found; the number of samples,
-  /// from the growing set and from the inliers; whether the budget was used up before the stopping
-  /// rules were met.
+  /// best(): the model of the last run with the least cost; valid only if run() returned true.
+  /// iterations(): number of samples, from the growing set and from the inliers. exhausted():
+  /// whether the budget was used up before the stopping rules were met.
   const Model& best() const { return best_; }
   int iterations() const { return iterations_; }
   bool exhausted() const { return exhausted_; }
@@ -187,7 +195,8 @@ class ProsacSearch {
     return true;
   }
 
-  /// Local optimisation: refits to the inliers while their limit shrinks to the threshold.
+  /// Local optimisation: fits the model again to its inliers, while the inlier limit shrinks to the
+  /// threshold.
   void polish() {
     Model candidate = best_;
     for (const double widening : {2.0, 1.0, 1.0}) {
@@ -199,8 +208,8 @@ class ProsacSearch {
     }
   }
 
-  /// Updates the stopping rules with the new best model. If the rules require more samples, first
-  /// draws some from the inliers of this model.
+  /// Updates the stopping rules with the new best model. If they require more samples, draws a few
+  /// samples from the inliers of this model; if these improve the model, updates the rules again.
   void updateStopping(ProsacSampler& sampler) {
     findSupport();
     stopping_.update(inlier_);
@@ -220,9 +229,9 @@ class ProsacSearch {
 
   /// Second part of local optimisation: draws samples from the inliers only. A sample with one
   /// wrong pair often agrees with only a part of the right pairs, and least squares does not find
-  /// the other right pairs; a sample of right pairs does. Returns true if a sample gave a better
-  /// model. Samples of inliers say nothing about the other pairs, so they count towards the budget
-  /// but not towards maximality. They use at most half of the remaining budget.
+  /// the other right pairs. A sample of right pairs finds them. Returns true if a sample gave a
+  /// better model. Samples of inliers say nothing about the other pairs, so they count towards the
+  /// budget but not towards maximality. They use at most half of the remaining budget.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);
@@ -240,7 +249,7 @@ class ProsacSearch {
   }
 
   Problem* problem_ = nullptr;  // problem of the run
-  util::Random random_{0};      // for sampleSupport()
+  util::Random random_{0};      // random numbers for sampleSupport()
   Model best_{};
   float best_cost_ = 0.0F;
   int iterations_ = 0;

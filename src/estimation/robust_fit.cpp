@@ -28,7 +28,8 @@ void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacob
 }
 
 Information inverseOf(const util::SmallRef& squares) {
-  constexpr double kSingular = 1e-14;  // share of the largest pivot; smaller ones are rounding
+  // Share of the largest pivot; smaller pivots are rounding errors.
+  constexpr double kSingular = 1e-14;
   const Eigen::Index p = squares.rows();
   const Eigen::LDLT<Information> ldlt(squares);
   const auto pivots = ldlt.vectorD();
@@ -66,7 +67,8 @@ double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weig
   const double d = weights.dimensions();
   const double n = static_cast<double>(weights.size());
   const double mean2 = std::pow(sums.derivative / n, 2);
-  // The derivative of t e is t (2q - 1) along e and t across e, with q = t f / (f + d).
+  // The derivative of t e with respect to e is t (2q - 1) along e and t across e, with q = t f / (f
+  // + d), where f is kStudentFreedom.
   double squares = 0.0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const double student = weights.weight[i] / weights.factor[i];

@@ -13,28 +13,30 @@ namespace ktgp_orb::estimation {
 
 /// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
-/// A symmetric matrix and a vector over the parameters, without heap memory. Their algebra is
-/// compiled once, in the functions below.
+/// A symmetric matrix and a vector over the parameters, both without heap memory. Their algebra is
+/// compiled only once, in the functions below.
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                   kMostParameters, kMostParameters>;
 using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
 
-/// Sums over the measurements at one state. e: residuals of a measurement; J: Jacobian of e with
-/// respect to the step; w = t c: weight of the measurement (see RobustWeights).
+/// Sums over the measurements at one state. e: residuals of a measurement. J: Jacobian of e with
+/// respect to the step. w = t c: weight of the measurement, where t is the weight of Student's
+/// distribution and c the given factor (see RobustWeights).
 struct NormalEquations {
-  Information squares;       ///< sum of J' w J
-  Step gradient;             ///< sum of J' w e
-  double weight = 0.0;       ///< sum of w
-  double derivative = 0.0;   ///< sum of c d(t e)/de, averaged over the directions of e
-  double square = 0.0;       ///< sum of c t² e²
-  double cost = 0.0;         ///< sum of w e²
-  double former_cost = 0.0;  ///< sum of w e², with the weights of the previous state
+  Information squares;      ///< sum of J' w J
+  Step gradient;            ///< sum of J' w e
+  double weight = 0.0;      ///< sum of w
+  double derivative = 0.0;  ///< sum of c d(t e)/de, averaged over the directions of e
+  double square = 0.0;      ///< sum of c t² e²
+  double cost = 0.0;        ///< sum of w e²
+  /// Sum of w e² for the present errors and the weights of the previous state.
+  double former_cost = 0.0;
 };
 
 struct FitRules {
   int most_steps = 30;
-  double converged = 1e-5;  ///< the fit ends when no entry of a step is larger
-  /// Largest allowed entry of a step; longer steps are damped.
+  double converged = 1e-5;  ///< the fit ends when no entry of a step is larger than this
+  /// Largest allowed entry of a step. The damping of a longer step is increased.
   double longest = std::numeric_limits<double>::infinity();
   double least_scale = 0.0;  ///< lower limit of the scale of the errors
   double first_damping = 0.0;
@@ -66,12 +68,14 @@ class RobustFit {
  public:
   using State = typename Problem::State;
 
-  /// The weights; reset them before a fit. After minimise() they belong to the fitted state.
+  /// The weights. The caller resets them before a fit. After minimise() they belong to the fitted
+  /// state.
   RobustWeights& weights() { return weights_; }
   const RobustWeights& weights() const { return weights_; }
   const NormalEquations& sums() const { return sums_; }
 
-  /// Takes one undamped step at the current scale. Returns false if the step is not determined.
+  /// Takes one undamped step with the current scale of the errors. Returns false if the
+  /// measurements do not determine the step.
   bool step(Problem& problem, const FitRules& rules, State& state) {
     problem.linearise(state, weights_, sums_);
     if (!findStep(sums_, 0.0, rules, step_)) return false;
@@ -79,10 +83,11 @@ class RobustFit {
     return true;
   }
 
-  /// Fits `state`, starting with the current scale.
+  /// Fits `state`, starting with the current scale of the errors.
   FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
-    constexpr double kLeastDamping = 1e-4;  // after a step that did not reduce the cost
-    constexpr double kMostDamping = 1e12;   // beyond it, no step reduces the cost
+    // Least damping after a step that did not reduce the cost.
+    constexpr double kLeastDamping = 1e-4;
+    constexpr double kMostDamping = 1e12;  // with more damping, no step reduces the cost
     problem.linearise(state, weights_, sums_);
     double damping = rules.first_damping;
     for (int i = 0; i < rules.most_steps; ++i) {
@@ -116,8 +121,8 @@ class RobustFit {
   Step step_;
 };
 
-/// linearise() for plain least squares. `residual` has the covariance I; `jacobian`: derivative of
-/// the residual with respect to the step.
+/// Sets the sums for plain least squares, as linearise() must. `residual` has the covariance I.
+/// `jacobian`: Jacobian of the residual with respect to the step.
 void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
                      NormalEquations& sums);
 
@@ -147,7 +152,8 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // The derivative of t e is t (2q - 1) along e and t across e, with q = t f / (f + kResiduals).
+    // The derivative of t e with respect to e is t (2q - 1) along e and t across e, with q = t f /
+    // (f + kResiduals), where f is kStudentFreedom.
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

@@ -11,20 +11,23 @@ namespace ktgp_orb::estimation {
 inline constexpr double kStudentFreedom = 4.0;
 
 /// The weight of a measurement in the maximum likelihood for Student's t distribution (Lange,
-/// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²) with d = `dimensions`. It is 1 if
-/// square = d scale². 1 / weight is the variance relative to a measurement with this square.
+/// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²) with f = kStudentFreedom and d =
+/// `dimensions`. The weight is 1 if square = d scale². 1 / weight is the factor by which the
+/// variance of this measurement is enlarged.
 template <typename Value>
 Value studentWeight(const Value& square, double scale2, double dimensions) {
   return (kStudentFreedom + dimensions) * scale2 / (kStudentFreedom * scale2 + square);
 }
 
 /// Errors and weights of n measurements of d residuals each, and the scale of the errors. Keeps its
-/// buffers. Arrays are padded to whole `kLanes`; the padding must have weight 0.
+/// buffers. The arrays are padded to a multiple of `kLanes` entries; the padding must have weight
+/// 0.
 class RobustWeights {
  public:
   static constexpr std::size_t kLanes = 2;
 
-  /// Begins a fit of `parameters` parameters to n measurements of d residuals, all with factor 1.
+  /// Begins a fit of `parameters` parameters to n measurements of `dimensions` residuals each. All
+  /// measurements get the factor 1.
   void reset(std::size_t n, int dimensions, std::size_t parameters);
   /// Sets the factors c (n entries, mean 1) that multiply the weights t of Student's distribution.
   /// `equal`: see equalMeasurements().
@@ -32,26 +35,27 @@ class RobustWeights {
 
   std::size_t size() const { return size_; }
   double dimensions() const { return dimensions_; }
-  /// Effective number of measurements: this many measurements with equal factors would give the
-  /// same variance.
+  /// Effective number of measurements. With this number of measurements of equal factors, the
+  /// variance would be the same as with the present factors.
   double equalMeasurements() const { return equal_; }
-  /// Degrees of freedom that the fit leaves: d n - parameters, at least 1.
+  /// Degrees of freedom that the fit leaves: d equalMeasurements() - parameters, at least 1.
   double freedom() const { return std::max(dimensions_ * equal_ - parameters_, 1.0); }
   double parameters() const { return parameters_; }
 
   double scale() const { return std::sqrt(scale2); }
   void setScale(double scale) { scale2 = scale * scale; }
   /// Estimates the scale from the current errors by maximum likelihood, with expectation
-  /// maximisation. Dividing by the sum of the weights converges faster (Kent, Tyler & Vardi 1994).
-  /// A fit makes the errors smaller, with few measurements much smaller; freedom() corrects this.
+  /// maximisation. Dividing by the sum of the weights makes it converge faster (Kent, Tyler & Vardi
+  /// 1994). A fit reduces the errors, considerably if there are few measurements; freedom()
+  /// corrects this.
   void estimateScale(double least);
 
-  // Written by the problem, one entry for each measurement.
+  // The problem writes these arrays, with one entry for each measurement.
   std::vector<double> squared;  ///< e²
-  std::vector<double> weight;   ///< w = t c at the newest state
-  std::vector<double> former;   ///< w at the previous state
+  std::vector<double> weight;   ///< weights w = t c at the newest state
+  std::vector<double> former;   ///< weights w at the previous state
   std::vector<double> factor;   ///< c
-  double scale2 = 0.0;          ///< squared scale of a residual
+  double scale2 = 0.0;          ///< squared scale of the residuals
 
  private:
   std::size_t size_ = 0;

@@ -21,7 +21,7 @@ class CsvRow {
   }
   /// Adds the nine elements row by row, without any rounding.
   CsvRow& add(const Eigen::Matrix3d& matrix);
-  /// Adds empty fields.
+  /// Adds `fields` empty fields.
   CsvRow& skip(std::size_t fields);
 
   /// The row with a line break at the end.
@@ -31,7 +31,7 @@ class CsvRow {
   CsvRow& addField(const std::string& field);
 
   std::string text_;
-  bool empty_ = true;  // there is no field yet
+  bool empty_ = true;  // the row has no field yet
 };
 
 }  // namespace ktgp_orb::files

@@ -22,10 +22,10 @@ void requireRegularFile(const std::string& file);
 std::string unreadableFormat(const std::string& file);
 
 /// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. Every picture that
-/// this package reads passes through here. Throws FileError, also for a JPEG or PNG without its
-/// end, and for other depths (float, 32 bits), since their values of black and white are unknown.
-/// Transparent pixels get a smooth continuation of the visible ones, unless `flags` is
-/// cv::IMREAD_UNCHANGED.
+/// this package reads passes through here. Throws FileError, also for a JPEG or PNG that is cut
+/// off, and for other depths (float, 32 bits), because it is unknown which of their values mean
+/// black and white. Transparent pixels are filled with a smooth continuation of the visible pixels,
+/// unless `flags` is cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
 /// Reads a picture as 8-bit grey; 16-bit pictures are stretched to 8 bits as in the nodelet.

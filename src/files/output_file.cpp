@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The path with all symbolic links resolved, also dangling ones.
+/// The path with all symbolic links resolved, including links to missing files.
 fs::path resolved(const std::string& path) {
   std::error_code error;
   fs::path target = fs::absolute(path, error);
@@ -54,7 +54,8 @@ bool isSameNode(const struct stat& a, const struct stat& b) {
 }
 
 /// Creates and locks a file, or locks and empties an existing file that no program has locked.
-/// Returns -1 on failure; errno is EEXIST if the name is in use, even by a link or another's file.
+/// Returns -1 on failure; errno is EEXIST if the name is in use, even if it is a link or a file of
+/// another program.
 int lockedFile(const std::string& name) {
   int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   const bool is_new = file >= 0;
@@ -85,7 +86,8 @@ bool renameToNew(const char* from, const char* to) {
   return true;
 }
 
-/// A temporary name beside the file. It keeps the ending, since that selects some formats.
+/// A temporary name beside the file. The name keeps the ending, since some libraries choose the
+/// format by the ending.
 std::string unfinishedName(const fs::path& target, int number) {
   const std::string name =
       target.stem().string() + ".unfinished" + std::to_string(number) + target.extension().string();
@@ -94,8 +96,8 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// The temporary name that a killed program left as a second name of the file. Empty if there is
-/// none, or if the program is still running.
+/// The temporary name that a killed program left as a second name of the file. Empty if there is no
+/// second name, or if the program is still running.
 std::string leftName(const std::string& target) {
   struct stat file, other;
   if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
@@ -120,7 +122,7 @@ bool synchronised(const std::string& path, int flags) {
   const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) return false;
   const bool done =
-      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: the file system has no fsync
+      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: the file system does not support fsync
   const int error = errno;
   close(descriptor);
   errno = error;
@@ -138,7 +140,8 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    if (value == output) own = 1;  // stays 0 if the program chose the name itself
+    // The output's own option does not count; own stays 0 if no option gave the name.
+    if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
   }
@@ -212,7 +215,8 @@ OutputFile::~OutputFile() {
 }
 
 /// Gives the file its final name as a second link; the temporary name stays until all files of the
-/// run have their final names. Renames the file if it replaces another one or linking fails.
+/// run have their final names. If the file replaces another file or linking fails, renames it
+/// instead.
 void OutputFile::place() {
   if (link(unfinished_.c_str(), target_.c_str()) == 0) {
     is_placed_ = true;
@@ -254,7 +258,7 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // Remove the temporary name of the last file first: once that is gone, the run is done.
+  // Remove the temporary name of the last file first: when it is gone, the run counts as complete.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

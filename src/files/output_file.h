@@ -20,7 +20,7 @@ class OutputPlan {
   /// Values that are not files do no harm.
   OutputPlan(bool force, Given given) : force_(force), given_(std::move(given)) {}
 
-  /// Registers an input that the command line names only indirectly, by a list or a pattern.
+  /// Registers an input that the command line gives only by a list or a pattern.
   void read(const std::string& input);
   /// Checks and registers an output; "-" is the standard output, and an empty path is ignored.
   /// Throws FileError.
@@ -35,7 +35,7 @@ class OutputPlan {
   bool force_;
   Given given_;
   std::vector<std::string> inputs_;
-  std::vector<std::string> outputs_;  ///< paths with links resolved
+  std::vector<std::string> outputs_;  ///< paths of the outputs, with links resolved
 };
 
 /// An output file that is written under a temporary name and gets its final name only when it is
@@ -53,7 +53,8 @@ class OutputFile {
   const std::string& path() const { return path_; }
   /// The temporary path, to write to before commit().
   const std::string& unfinished() const { return unfinished_; }
-  /// Gives the file its final name. Throws FileError; without `force` also if that name exists.
+  /// Gives the file its final name. Throws FileError, for example if the name exists and `force` is
+  /// false.
   void commit() { commit({this}); }
 
  private:
@@ -68,7 +69,7 @@ class OutputFile {
   std::string target_;  ///< path with links resolved
   std::string unfinished_;
   int lock_ = -1;           ///< descriptor of the locked file
-  bool is_placed_ = false;  ///< has its final name, which can be taken back
+  bool is_placed_ = false;  ///< the file has its final name, which takeBack() can remove
 };
 
 /// The output files of a run, which get their final names together at its end. If the program is
@@ -82,7 +83,8 @@ class Outputs {
   OutputFile& add(const std::string& path);
   /// Marks the file as complete. commit() names the files in the order of their completion.
   void complete(OutputFile& file) { complete_.push_back(&file); }
-  /// Both write and add a complete file, or throw FileError. Text may go to the standard output.
+  /// Both functions write a file and add it as complete, or throw FileError. Text may go to the
+  /// standard output.
   void writeText(const std::string& path, const std::string& text);
   void writeImage(const std::string& path, const cv::Mat& image);
   /// Gives all complete files their final names, or none of them. The temporary name of the last
@@ -102,11 +104,11 @@ bool isInterrupted(const std::string& path);
 bool isStandardOutput(const std::string& output);
 
 /// Throws FileError with the reason why the file cannot be written. Image libraries give no reason,
-/// so this function tries to write. `otherwise`: the reason to give if that succeeds.
+/// so this function tries to write. `otherwise`: the reason to give if this attempt succeeds.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
-/// The following functions throw FileError, also for a full disk; then an existing file is
-/// unchanged. A text may go to the standard output.
+/// The following functions throw FileError, for example if the disk is full; an existing file is
+/// then unchanged. A text may go to the standard output.
 void writeText(const std::string& file, const std::string& text, bool force);
 /// Writes the bytes to the temporary file without committing it.
 void write(const OutputFile& file, const std::string& bytes);

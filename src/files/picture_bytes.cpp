@@ -28,8 +28,9 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
 }
 
 /// Returns the position after the marker of the first segment that `wanted` accepts; 0 if there is
-/// none. A JPEG consists of segments (a marker, a length that counts itself, data) with compressed
-/// pixels between them, in which 0 or a restart number follows FF. A preview is inside a segment.
+/// no such segment. A JPEG consists of segments (a marker, a length that counts itself, data) with
+/// compressed pixels between them, in which 0 or a restart number follows FF. A preview is inside a
+/// segment.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;

@@ -5,7 +5,7 @@
 
 namespace ktgp_orb::files {
 
-/// Whether the bytes are a JPEG or PNG without its end. Libraries decode such a JPEG and fill the
+/// Whether the bytes are a JPEG or PNG that is cut off. Libraries decode such a JPEG and fill the
 /// missing part with grey. Bytes after the end do not matter.
 bool isCutOff(std::string_view bytes);
 

@@ -12,9 +12,10 @@ namespace ktgp_orb {
 struct TargetEntry {
   std::string id;
   std::vector<std::string> files;
-  double width = 0.0;  ///< m; 0: not known
+  double width = 0.0;  ///< width of the target, m; 0: not known
   std::string frame;
-  std::string place;  ///< origin of the entry: the list and its line, or the file of a folder
+  /// Where the entry comes from, for messages: list and line, or file of a folder.
+  std::string place;
 };
 
 /// Reads a folder with one image per target (the file name without its ending is the id), or a YAML
@@ -32,7 +33,8 @@ std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 /// the place, the id and the reason if an image cannot be read or `add` throws.
 void addTarget(const TargetEntry& entry, const std::function<void(const Target&)>& add);
 
-/// Reads the images and adds the targets; returns the reasons why some were refused.
+/// Reads the images of all entries and adds the targets. Returns a reason for each target that was
+/// refused.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);
 
 }  // namespace ktgp_orb

@@ -26,22 +26,23 @@ namespace {
 constexpr int kFewestVotes = 2;
 constexpr int kDescriptorBits = 8 * kDescriptorBytes;
 
-/// A match with votes, in a view of the reference.
+/// A match between the target and a view of the reference, with its number of votes.
 struct Seed {
   std::int32_t votes;
-  std::int32_t view;  // 0: the reference itself
-  std::int32_t pair;  // number of the pair in that view
+  std::int32_t view;  // index of the view; 0 is the reference itself
+  std::int32_t pair;  // index of the pair among the pairs of this view
 };
 
-/// Support of a hypothesis by the nearest neighbours in the whole image; see ShiftVotes.
+/// Support that a hypothesis has from mutual nearest neighbours in the whole image; see ShiftVotes.
 struct Standing {
-  bool is_known = false;  ///< false: the views differ too much for nearest neighbours
+  /// False if the images differ too much in scale or tilt for nearest neighbours.
+  bool is_known = false;
   double share = 0.0;
   bool is_rivalled = false;
 };
 
-/// Whether nearest neighbours can be at the places that `map` predicts: ORB's descriptors tolerate
-/// a change of scale, and a tilt, of a factor of about two.
+/// Whether the true counterparts of keypoints can be their nearest neighbours if `map` is right.
+/// ORB's descriptors tolerate a change of scale by a factor of about two, and a tilt of about two.
 bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
   constexpr double kMost = 2.0;
   const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
@@ -70,7 +71,7 @@ struct HomographyGrowth::Impl {
     Eigen::Matrix<double, 2, 3> to_view;
     KnnMatcher knn;
     std::vector<Correspondence> matches;
-    growth::Votes votes;  // in px of the view
+    growth::Votes votes;  // votes for the matches, with positions in px of the view
   };
 
   void setReference(const Features& reference, const ReferenceViews* given);
@@ -97,23 +98,26 @@ struct HomographyGrowth::Impl {
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::HomographyVerdict whole_view;
-  ProsacResult labelled;     // labels of the pairs of the growth
+  // Buffer of whole_view.trusts(): labels (inlier or not) of the pairs of the chosen homography.
+  ProsacResult labelled;
   cv::Size image_size;       // size of the reference
   std::size_t own_size = 0;  // number of keypoints of the reference, without its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
-  growth::Places near, near_in_target;     // places of the voters
-  std::vector<Eigen::Matrix3d> tried;      // maps that the seeds grew to
+  growth::Places near, near_in_target;     // positions of the voters of a seed, px
+  std::vector<Eigen::Matrix3d> tried;      // results of all growths so far
   std::vector<Grown> grown;                // grown maps; only the first `grown_count` are valid
-  std::vector<growth::Standing> standing;  // standing of each of `grown`
+  std::vector<growth::Standing> standing;  // nearest-neighbour support of each entry of `grown`
   std::size_t grown_count = 0;
-  std::size_t start_place = 0;       // index of the start in `grown`; past the end if there is none
-  std::vector<std::size_t> order;    // order of `grown`, the best first
-  std::vector<cv::Point2f> repeats;  // repetitions of the map that is grown again
+  // Index in `grown` of the homography that was found from the given start; past the end if there
+  // is none.
+  std::size_t start_place = 0;
+  std::vector<std::size_t> order;    // indices into `grown`, the most significant homography first
+  std::vector<cv::Point2f> repeats;  // copy of Grown::repeats of the homography that is grown again
   growth::ShiftVotes shifts;
   std::vector<growth::ShiftVotes::Peak> peaks;
-  PointPairs mutual;  // mutual nearest neighbours of the two images, without the views
+  PointPairs mutual;  // mutual nearest neighbours of the two images; simulated views do not count
   std::vector<std::uint8_t> covered;  // buffer of growth::contradicts
 };
 
@@ -154,9 +158,11 @@ void HomographyGrowth::Impl::collectSeeds() {
   });
 }
 
-/// First guess of the map from reference to target, from the seed and its voters.
+/// First guess of the map from reference to target. It is the affine map that fits the seed and its
+/// voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
-  constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
+  // px; weight of the seed's own rotation and scale, see fitAffineNear.
+  constexpr double kReach = 30.0;
   const View& view = views[static_cast<std::size_t>(seed.view)];
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
   view.votes.voters(seed.pair, voters);
@@ -209,7 +215,8 @@ void HomographyGrowth::Impl::tryStart(const GrowthStart& start, GrowthResult& re
     judge(map, result);
 }
 
-/// Tests the significance of `map`, the grower's last result.
+/// Adds `map`, the grower's last result, to `grown` with its significance and its nearest-neighbour
+/// support.
 void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& result) {
   tried.push_back(map);
   ++result.judged;
@@ -242,7 +249,8 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Grows the best hypothesis again from shifts that look alike, until no result is better.
+/// Grows the best hypothesis again, shifted by each repetition of the scene, until the best
+/// hypothesis is one whose repetitions were already tried, at most three times.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -250,7 +258,7 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
     Grown& best = grown[order.front()];
     if (!growth::isAccepted(best) || std::exchange(best.grew_from_repeats, true)) return;
     const Eigen::Vector2d middle = growth::middleOf(best.pairs.reference);
-    const Eigen::Matrix3d map = best.map;  // a copy: tryFrom may move the buffers
+    const Eigen::Matrix3d map = best.map;  // a copy, because tryFrom may reallocate `grown`
     repeats = best.repeats;
     for (const cv::Point2f& shift : repeats) {
       Eigen::Matrix3d shifted = map;
@@ -261,13 +269,15 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
-/// Grows the best hypothesis again from the shifts that nearest neighbours in the whole image vote
-/// for. A wrong shift has as many matches as the right shift, or more if its overlap is larger.
+/// Grows the best hypothesis again, shifted by each of the shifts for which nearest neighbours in
+/// the whole image vote. This is needed because a wrong shift has as many matches as the right
+/// shift, or more if its overlap is larger.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
   if (order.empty() || !standing[order.front()].is_rivalled) return;
-  const Eigen::Matrix3d map = grown[order.front()].map;  // a copy: tryFrom may move the buffers
+  // A copy, because tryFrom may reallocate `grown`.
+  const Eigen::Matrix3d map = grown[order.front()].map;
   shifts.count(map, mutual, matcher.imageSize());
   peaks = shifts.others();
   std::sort(peaks.begin(), peaks.end(), [](const auto& a, const auto& b) {
@@ -281,8 +291,8 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   }
 }
 
-/// Whether `other` could be right instead of `one`: it contradicts `one` and, if both shares of
-/// nearest neighbours are known, has more than half the share of `one`.
+/// Whether `other` could be right instead of `one`. It must contradict `one` and, if the shares of
+/// nearest neighbours are known for both, have more than half the share of `one`.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
   const bool tells = standing[other].is_known && standing[one].is_known;
@@ -291,8 +301,9 @@ bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
 }
 
 /// Chooses the best hypothesis, unless chance explains it or a contradicting hypothesis is nearly
-/// as good. The start was also found in another way. So it is the answer if the best hypothesis has
-/// no more matches and chance explains the start less than once in 10^4 searches.
+/// as good. The start is preferred, because it was also found in another way: it is chosen if the
+/// best hypothesis has no more matches than the start, if fewer than 10^-4 homographies as good as
+/// the start are expected by chance, and if nearest neighbours do not vote for another shift.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();
@@ -318,8 +329,8 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   }
 }
 
-/// Stores the homography of maximum likelihood and its pairs. Returns false, without a result, if
-/// the fit fails or the verdict does not trust the homography.
+/// Refines the chosen homography by maximum likelihood and stores it with its pairs. Returns false,
+/// without a result, if the fit fails or `whole_view` does not trust the homography.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   result.pairs = chosen.pairs;
   UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
@@ -332,7 +343,8 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  const auto own = static_cast<std::int32_t>(own_size);  // keypoints of views have higher numbers
+  // Keypoints of simulated views have higher numbers.
+  const auto own = static_cast<std::int32_t>(own_size);
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;
     result.matches.push_back(

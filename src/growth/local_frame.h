@@ -20,8 +20,8 @@ inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
           std::log(std::max(keypoint.size, 1e-3F))};
 }
 
-/// The frame after a map with the derivative `jacobian` that moves it to `to`. The map scales areas
-/// by exp(2 `log_scale`).
+/// The image of `frame` under a map. `to`: image of the position. `jacobian`: Jacobian of the map
+/// at the keypoint. The map scales areas by exp(2 `log_scale`).
 inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
                          const Eigen::Matrix2f& jacobian, float log_scale) {
   const Eigen::Vector2f d = jacobian * Eigen::Vector2f(frame.dx, frame.dy);
@@ -39,16 +39,16 @@ inline Bits bitsOf(const Features& features, std::size_t index) {
   return bits;
 }
 
-/// Number of bits set, using only instructions that every processor has.
+/// Returns the number of bits that are set. Uses only instructions that every processor has.
 inline int countBits(std::uint32_t v) {
   v -= (v >> 1) & 0x55555555U;
   v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);
   return static_cast<int>((((v + (v >> 4)) & 0x0f0f0f0fU) * 0x01010101U) >> 24);
 }
 
-/// Hamming distance, using only instructions that every processor has.
+/// Returns the Hamming distance. Uses only instructions that every processor has.
 inline int distance(const Bits& a, const Bits& b) {
-  std::uint64_t bytes = 0;  // each byte sums four counts of at most 8
+  std::uint64_t bytes = 0;  // each byte sums the counts of four bytes, at most 8 each
   for (std::size_t i = 0; i < a.size(); ++i) {
     std::uint64_t v = a[i] ^ b[i];
     v -= (v >> 1) & 0x5555555555555555U;

@@ -6,7 +6,7 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// The inner loop of match() in plain C++, the reference for the vector versions.
+/// The inner loop of match() in plain C++. It is the reference for the vector kernels.
 std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
                       std::uint32_t end, const LocalFrame& predicted, float squared_radius,
                       std::uint32_t* alike, bool& is_near) {
@@ -26,7 +26,8 @@ std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t beg
 
 constexpr std::int64_t kNoKey = std::numeric_limits<std::int64_t>::max();
 
-/// The smaller key belongs to the nearer keypoint or, at equal distances, to the lower number.
+/// Packs a Hamming distance and a keypoint number into one key. The smaller key belongs to the
+/// smaller distance or, at equal distances, to the lower number.
 std::int64_t key(int distance, std::int32_t number) {
   return (static_cast<std::int64_t>(distance) << 32) | number;
 }
@@ -62,8 +63,9 @@ void LocalMatcher::setTarget(const Features& target) {
   alike_.resize(target.size());
 }
 
-/// The key of the nearest of the first `count` alike_ keypoints, and its place in frames_; kNoKey
-/// if none is near enough. `index`, `bits`: number and descriptor of the reference keypoint.
+/// Finds the keypoint with the most similar descriptor among the first `count` entries of alike_.
+/// Returns its key and sets `place` to its index in frames_; returns kNoKey if all distances exceed
+/// kMaxDistance. `index`, `bits`: number and descriptor of the reference keypoint.
 std::int64_t LocalMatcher::nearest(std::int32_t index, const Bits& bits, std::size_t count,
                                    std::uint32_t& place) {
   std::int64_t best = kNoKey;

@@ -23,7 +23,7 @@ struct LocalMatch {
   std::int32_t reference;
   std::int32_t target;
   std::int32_t distance;  ///< Hamming distance
-  float squared_error;    ///< px², from the predicted position
+  float squared_error;    ///< squared distance from the predicted position, px²
 };
 
 /// Matches keypoints of the reference to target keypoints near their predicted positions, with the
@@ -34,15 +34,17 @@ class LocalMatcher {
 
   void setTarget(const Features& target);
 
-  /// Finds the mutual nearest pairs within `radius` px of the predicted positions moved by `shift`,
-  /// with a rotation of less than 0.6 rad, a size ratio of less than 1.8, and a Hamming distance of
-  /// at most kMaxDistance. At equal distances the lower index wins. Matches are in the order of the
-  /// predictions. Returns the number of predictions with any keypoint within the radius.
+  /// Finds the mutual nearest pairs whose target keypoint is within `radius` px of the predicted
+  /// position moved by `shift`. Directions must differ by less than 0.6 rad and sizes by a factor
+  /// of less than 1.8, and the Hamming distance must be at most kMaxDistance. At equal distances
+  /// the lower index wins. Matches are in the order of the predictions. Returns the number of
+  /// predictions with any keypoint within the radius.
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
-  /// Calls visit(dx, dy, descriptor) for each keypoint with similar direction and size, as in
-  /// match(), in the square of half side `radius` around `wanted`; dx, dy: offset, px.
+  /// Calls visit(dx, dy, descriptor) for each target keypoint in the square of half side `radius`
+  /// around `wanted` whose direction and size are similar to `wanted`, as in match(). dx, dy:
+  /// offset of the keypoint from `wanted`, px.
   template <typename Visit>
   void visitAlike(const LocalFrame& wanted, float radius, Visit visit) const {
     cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
@@ -55,7 +57,8 @@ class LocalMatcher {
     });
   }
 
-  /// Number of pairs of the last match() that passed the tests above, mutual or not.
+  /// Number of pairs that passed the tests of position, direction, size and Hamming distance in the
+  /// last match(), whether mutual or not.
   std::size_t candidates() const { return candidates_; }
 
   const LocalFrame& frame(std::int32_t target) const {
@@ -73,13 +76,16 @@ class LocalMatcher {
   const AlikeKernel* kernel_ = &bestAlikeKernel();
   util::CellGrid cells_;
   cv::Size image_size_;
-  // Frames, columns and bits are sorted cell by cell.
+  // frames_, columns_ and bits_ are sorted by the cell of the keypoint.
   std::vector<LocalFrame> frames_;
-  std::vector<float> columns_;  // `frames_` by columns, for the kernel: x of all, y of all ...
-  std::size_t pitch_ = 0;       // from one column to the next, elements
+  // The values of frames_ by columns, for the kernel: x of all keypoints, then y of all keypoints
+  // ...
+  std::vector<float> columns_;
+  std::size_t pitch_ = 0;  // distance from one column to the next, in floats
   std::vector<Bits> bits_;
-  std::vector<std::uint32_t> position_;       // place of each keypoint in `frames_`
-  std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
+  std::vector<std::uint32_t> position_;  // index in frames_ of each target keypoint
+  // Key of the most similar prediction, for each entry of frames_.
+  std::vector<std::int64_t> best_reference_;
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;
 };

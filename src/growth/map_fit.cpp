@@ -15,7 +15,8 @@ using homography::Normalisation;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// Moves the centroid to zero and the mean distance from it to 1.
+/// Transform that moves the centroid of the places to zero and makes their mean distance from zero
+/// 1.
 Normalisation scalingOf(const Places& places) {
   Normalisation s;
   s.centre = middleOf(places);
@@ -33,15 +34,15 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Adds the equation `row` h = `value` to the normal equations. It works column by column, since
-/// products in Eigen of these sizes take long to compile.
+/// Adds the equation `row` h = `value` to the normal equations. It adds column by column, because
+/// Eigen products of these sizes take long to compile.
 void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8& products) {
   const Vector8 weighted = weight * row;
   for (int i = 0; i < 8; ++i) sums.col(i) += row[i] * weighted;
   products += value * weighted;
 }
 
-/// Whether the map does not mirror, and all places are on the visible side of the horizon.
+/// Whether the map keeps the orientation and all places are on the visible side of its horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const Eigen::Vector2d& place) {
@@ -81,13 +82,14 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map) {
-  constexpr double kTooFlat = 1e-4;  // lower limit for pivots
+  constexpr double kTooFlat = 1e-4;  // lower limit for pivots of the normal equations
   const Normalisation from = scalingOf(reference);
   const Normalisation to = scalingOf(target);
   Matrix8 sums = Matrix8::Zero();
   Vector8 products = Vector8::Zero();
   for (std::size_t i = 0; i < reference.size(); ++i) {
-    // Dividing by the third coordinate under the previous map makes the algebraic error geometric.
+    // Dividing the equations by the third coordinate under the previous map turns the algebraic
+    // error into a geometric error.
     const double depth =
         map.row(2).dot(reference[i].homogeneous()) / map.row(2).dot(from.centre.homogeneous());
     const double weight =

@@ -10,16 +10,17 @@ using Places = std::vector<Eigen::Vector2d>;
 
 Eigen::Vector2d middleOf(const Places& places);
 
-/// Fits a map by weighted least squares, with weights 1 / (1 + (e/scale)²) from the errors e of the
-/// given map, px. The result is accurate enough to find the next matches. Returns false, with `map`
-/// unchanged, if the pairs do not determine a map that keeps them in front of the camera.
+/// Fits a map by weighted least squares. The weight of a pair is 1 / (1 + (e/scale)²), where e is
+/// its error under the given `map`, px. The result is accurate enough to find the next matches.
+/// Returns false, with `map` unchanged, if the pairs do not determine a map or if the map mirrors
+/// or puts a pair beyond the horizon.
 bool fitAffine(const Places& reference, const Places& target, double scale, Eigen::Matrix3d& map);
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map);
 
-/// The affine map that takes `from` to `to` and is nearest to all pairs and to the linear map
-/// `prior`. The prior has the weight of a pair `reach` px away in each direction, so two or three
-/// pairs are enough, even on a line.
+/// The affine map that takes `from` to `to` and fits best to all pairs and to the linear map
+/// `prior`. The prior has the weight of one pair at a distance of `reach` px in each direction, so
+/// two or three pairs are enough, even if they lie on a line.
 Eigen::Matrix3d fitAffineNear(const Places& reference, const Places& target,
                               const Eigen::Vector2d& from, const Eigen::Vector2d& to,
                               const Eigen::Matrix2d& prior, double reach);

@@ -11,10 +11,11 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// Ratio of the axes of the ellipse that a circle is mapped to.
+/// Ratio of the axes of the ellipse to which `linear` maps a circle.
 double squeezeOf(const Eigen::Matrix2d& linear) {
   const double det = std::abs(linear.determinant());
-  const double half = 0.5 * linear.squaredNorm();  // (a² + b²) / 2 with the axes a and b; det = a b
+  // This is (a² + b²) / 2 for an ellipse with the axes a and b; det = a b.
+  const double half = 0.5 * linear.squaredNorm();
   if (!(det > 0.0)) return std::numeric_limits<double>::infinity();
   return (half + std::sqrt(std::max(half * half - det * det, 0.0))) / det;
 }
@@ -54,8 +55,8 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {
   constexpr double kSqueeze = 1.8;
-  constexpr double kMaxSqueeze = 4.0;  // relative to the nearest view
-  constexpr double kMaxArea = 64.0;    // a scale of eight
+  constexpr double kMaxSqueeze = 4.0;  // largest tilt relative to the nearest view
+  constexpr double kMaxArea = 64.0;    // largest change of the area: a scale of eight
   const double area = jacobian.determinant();
   if (!(area > 1.0 / kMaxArea && area < kMaxArea)) return false;
   squeeze_.clear();
@@ -76,7 +77,7 @@ bool ReferenceFrames::predict(const Eigen::Matrix3d& map, const Eigen::Vector2d&
   const float right = static_cast<float>(target.width) + kMargin;
   const float bottom = static_cast<float>(target.height) + kMargin;
   const Eigen::Matrix3f h = map.cast<float>();
-  // The derivative at x scales areas by det(H) / w³.
+  // The map scales areas at x by det(H) / w³, where w is the third coordinate of H x.
   const auto log_scale = static_cast<float>(0.5 * std::log(map.determinant()));
   const bool affine = h(2, 0) == 0.F && h(2, 1) == 0.F && h(2, 2) == 1.F;
   const Eigen::Vector2f middle = centre.cast<float>();

@@ -10,10 +10,12 @@
 namespace ktgp_orb::growth {
 namespace {
 
-constexpr double kRadius = 5.0;  // px; homographies are off by some px far from their matches
-constexpr double kApart = 15.0;  // px; nearer peaks are one peak
+// Largest distance of a vote from its peak, px: homographies are off by some px far from their
+// matches.
+constexpr double kRadius = 5.0;
+constexpr double kApart = 15.0;  // px; nearer peaks count as one peak
 constexpr std::size_t kMost = 16;
-constexpr std::size_t kFewest = 3;  // least number of voters of a peak
+constexpr std::size_t kFewest = 3;  // minimum number of votes of a peak
 
 std::uint64_t cellOf(const Eigen::Vector2d& p) {
   constexpr double kCell = 12.0;  // px
@@ -101,12 +103,14 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
   findOthers(target);
 }
 
-// Measured on drawn pages of symbols, tables, facades and circuit boards, with shares less one
-// deviation: the share of a right homography was at least 2.4 times the share of any other shift,
-// and that of a wrong homography less than 1.4 times the share of the best other shift.
+// The limit was measured on drawn pages of symbols, tables, facades and circuit boards, with shares
+// less one standard deviation: the share of a right homography was at least 2.4 times the share of
+// any other shift, and the share of a wrong homography was less than 1.4 times the share of the
+// best other shift.
 bool ShiftVotes::isRivalled() const {
   constexpr double kClear = 2.0;
-  constexpr double kEvident = 8.0;  // votes; fewer are chance, as across a strong tilt
+  // Votes; fewer may be due to chance, for example if the images differ by a strong tilt.
+  constexpr double kEvident = 8.0;
   const auto certain = [](const Peak& peak) {
     return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);
   };

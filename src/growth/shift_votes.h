@@ -11,21 +11,22 @@
 
 namespace ktgp_orb::growth {
 
-/// Tells a homography from the same homography shifted to a place that looks alike, such as the
-/// next window of a facade or the next symbol of a circuit diagram.
+/// Tells the right homography from a copy of it that is shifted to a place that looks alike, such
+/// as the next window of a facade or the next symbol of a circuit diagram.
 ///
-/// Thousands of keypoints near the predicted positions agree with either homography. Nearest
-/// neighbours in the whole image are chosen among all copies, so only things that exist once keep
-/// voting for the right shift. Each pair of mutual nearest neighbours votes for the shift between
-/// its target point and the predicted point. Votes are compared as shares of the pairs that both
-/// images could show at that shift, since a shift by one period also changes the overlap.
+/// Thousands of keypoints near the predicted positions agree with either homography. A nearest
+/// neighbour in the whole image is chosen among all copies of a thing, so only things that exist
+/// once keep voting for the right shift. Each pair of mutual nearest neighbours votes for the shift
+/// between its target point and the predicted point. A shift by one period also changes the overlap
+/// of the images. So votes are compared as shares of the pairs that both images could show at that
+/// shift.
 class ShiftVotes {
  public:
   struct Peak {
-    Eigen::Vector2d shift{0.0, 0.0};   ///< px of the target
+    Eigen::Vector2d shift{0.0, 0.0};   ///< shift of the predicted points, px of the target
     Eigen::Vector2d centre{0.0, 0.0};  ///< centre of the voters, px of the reference
-    double votes = 0.0;                ///< number of votes, one per 12x12 px of either image
-    double seen = 0.0;                 ///< number of pairs that the target could show
+    double votes = 0.0;  ///< number of votes; one vote counts per 12x12 px of either image
+    double seen = 0.0;   ///< number of pairs that would be in the target at this shift
     double share() const { return votes / (seen > 1.0 ? seen : 1.0); }
   };
 
@@ -33,10 +34,11 @@ class ShiftVotes {
   void count(const Eigen::Matrix3d& map, const PointPairs& pairs, const cv::Size& target);
 
   const Peak& own() const { return own_; }
-  /// The other shifts with the most votes, at most 16.
+  /// The shifts with the most votes except the own shift {0, 0}, at most 16.
   const std::vector<Peak>& others() const { return others_; }
-  /// Whether another shift has at least half the share of votes of the own shift, both less one
-  /// deviation. A shift with fewer than eight votes is due to chance.
+  /// Whether another shift has at least half the share of votes that the own shift has, with both
+  /// shares less one standard deviation. A shift with fewer than eight votes is ignored, because it
+  /// may be due to chance.
   bool isRivalled() const;
 
  private:
@@ -48,12 +50,14 @@ class ShiftVotes {
   Peak peakAt(const Eigen::Vector2d& shift, const cv::Size& target);
   void findOthers(const cv::Size& target);
 
-  std::vector<Vote> votes_;  // sorted by the shift's x
+  std::vector<Vote> votes_;  // sorted by the x coordinate of the shift
   Peak own_;
   std::vector<Peak> others_;
-  std::vector<std::size_t> near_;                      // for each vote, the number of votes near it
-  std::vector<std::size_t> order_;                     // order of votes_, the most crowded first
-  std::array<std::vector<std::uint64_t>, 2> cells_{};  // cells of the voters, in either image
+  std::vector<std::size_t> near_;  // number of votes near each vote
+  // Indices into votes_, the vote with the most votes near it first.
+  std::vector<std::size_t> order_;
+  // Cells of the voters in the reference and in the target.
+  std::array<std::vector<std::uint64_t>, 2> cells_{};
 };
 
 }  // namespace ktgp_orb::growth

@@ -12,11 +12,12 @@ namespace {
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
 constexpr double kAboveLargest = 1.5;
-constexpr double kRounds = 10.0;  // rounds of a growth
-constexpr float kCell = 12.F;     // px; two patches at this distance share half of their width
+constexpr double kRounds = 10.0;  // number of rounds of a growth
+// Side of a cell, px; two descriptor patches at this distance share half of their width.
+constexpr float kCell = 12.F;
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
-/// log10 of the number of ways to choose four of n.
+/// log10 of the number of ways to choose four of n pairs.
 double logQuadruples(double n) {
   double sum = 0.0;
   for (int i = 0; i < 4; ++i) sum += std::log10(std::max(n - i, 1.0) / (i + 1.0));
@@ -29,7 +30,8 @@ cv::Point2f shiftOf(int direction, double length) {
           static_cast<float>(length * std::sin(angle))};
 }
 
-/// Number of cells with matches, beyond the four cells that any homography has.
+/// Number of cells with matches, less the four cells that any homography has, since it can be
+/// fitted to any four pairs.
 double evidence(const Grown& grown) {
   return static_cast<double>(grown.judgement.matched) - 4.0;
 }
@@ -72,7 +74,8 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
     reference_cells_.assign(slots, kEmpty);
     target_cells_.assign(slots, kEmpty);
     double sum = 0.0;
-    int above = -1;  // counted up to this; near first, so a cell counts its best match
+    // Largest distance counted so far. Near matches come first, so a cell counts its best match.
+    int above = -1;
     for (const int limit : kDistances) {
       for (const LocalMatch& m : matches) {
         if (m.distance <= above || m.distance > limit) continue;
@@ -102,7 +105,8 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
-  // First assumes that the decoys have no matches: most rejected homographies fail even then.
+  // First assumes that the decoys have no matches, because most wrong homographies fail even this
+  // test, and it is cheap.
   const auto matched = static_cast<std::size_t>(own.back());
   Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
@@ -126,7 +130,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   return best(own, own_chances, log_tests);
 }
 
-/// Returns the judgement at the most significant level.
+/// Returns the judgement at the level (limits of distance and error) with the fewest false alarms.
 Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
   Judgement judgement;
   judgement.matched = static_cast<std::size_t>(own.back());
@@ -148,7 +152,7 @@ void Verdict::findRepeats(const std::vector<Prediction>& predictions,
                           const std::vector<Bits>& reference, const LocalMatcher& matcher) {
   constexpr float kReach = 120.F;   // px
   constexpr float kBin = 6.F;       // px
-  constexpr float kOwn = 10.F;      // px; smaller shifts match the homography's own pairs
+  constexpr float kOwn = 10.F;      // px; smaller shifts come from the homography's own matches
   constexpr int kMaxDistance = 64;  // Hamming distance
   constexpr int kSide = static_cast<int>(2 * kReach / kBin);
   constexpr std::size_t kMost = 16;
@@ -195,21 +199,23 @@ void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::include(const Decoy& decoy) {
-  constexpr double kFewChances = 5.0;  // with fewer, a single match would count too much
+  // With fewer opportunities, a single match would count too much.
+  constexpr double kFewChances = 5.0;
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
   }
 }
 
 /// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
-/// matches that are not due to chance, and their excess over the other decoys is left out here. The
-/// homography must still be well above the best decoy (kAboveLargest).
+/// matches that are not due to chance. The excess of these decoys over the other decoys is cut off
+/// here; the homography must still be well above the best decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
-  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys whose shift may be a period
-  constexpr double kBeyond = 2.0;                 // matches; chance explains this excess
+  constexpr std::size_t kRepeats = kDecoys / 12;  // number of decoys whose shift may be a period
+  // Matches by which chance may raise a decoy above the other decoys.
+  constexpr double kBeyond = 2.0;
   Chance chance{0.0, 1.0};
   std::array<double, kDecoys> counts;
-  // The sum starts at 1, since events that were not seen are still possible (Laplace's rule).
+  // The sum starts at 1, since events that were not observed are still possible (Laplace's rule).
   double sum = 1.0;
   double all_chances = 1.0;
   for (std::size_t d = 0; d < kDecoys; ++d) {
@@ -222,7 +228,8 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
     all_chances += decoy.chances;
   }
   chance.rate = sum / all_chances;
-  double squares = 0.0;  // sum of squared excess over the expected number
+  // Sum over the decoys of the squared excess, divided by the expected number.
+  double squares = 0.0;
   for (const Decoy& decoy : decoys_) {
     const double expected = chance.rate * std::max(decoy.chances, 1.0);
     const double excess = std::min(decoy.counts[k], most) - expected;
@@ -234,10 +241,11 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
-  constexpr double kDeviations = 2.0;  // deviations of the difference of two counts
-  constexpr double kElsewhere = 10.0;  // px of the target
-  constexpr std::size_t kShare = 4;    // one match of the rival in this many must contradict
-  constexpr double kSide = 32.0;       // side of a cell, px
+  constexpr double kDeviations = 2.0;  // standard deviations of the difference of two counts
+  constexpr double kElsewhere = 10.0;  // least distance of contradicting places, px of the target
+  // More than one in this many matches of the rival must contradict.
+  constexpr std::size_t kShare = 4;
+  constexpr double kSide = 32.0;  // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);
   const double both = std::max(evidence(grown) + evidence(rival), 0.0);
   if (difference > kDeviations * std::sqrt(both)) return false;

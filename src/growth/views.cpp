@@ -13,11 +13,12 @@
 namespace ktgp_orb {
 namespace {
 
-/// Ratio by which the image is compressed, and number of directions within half a turn.
+/// Pairs of the ratio by which a tilt compresses the image, and the number of directions within
+/// half a turn.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// An affine map that applies `linear` to the image and centres the result in its bounding box, and
-/// the size of this box, px.
+/// The affine map that applies `linear` to the image and moves the result to the centre of its
+/// bounding box; and the size of this box, px.
 struct Placed {
   Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
     const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);
@@ -31,7 +32,7 @@ struct Placed {
   cv::Size size;
 };
 
-/// The part of `image` that is drawn into the columns, with a rim for the interpolation.
+/// The part of `image` from which these columns are drawn, with a rim for the interpolation.
 cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size& image) {
   constexpr double kRim = 2.0;  // px
   const Eigen::Matrix2d back = placed.map.leftCols<2>().inverse();
@@ -63,13 +64,13 @@ cv::Mat drawn(const cv::Mat& image, const Placed& placed) {
   return result;
 }
 
-// Standard deviation of the blur, px of the rotated image (Morel & Yu).
+// Standard deviation of the blur before the compression, px of the rotated image (Morel & Yu).
 double blurFor(double tilt) {
-  constexpr double kBlur = 0.8;  // per unit of tilt
+  constexpr double kBlur = 0.8;  // blur per unit of sqrt(tilt² - 1)
   return kBlur * std::sqrt(tilt * tilt - 1.0);
 }
 
-/// `image`, blurred along `direction` with a Gaussian of `sigma` px.
+/// Blurs `image` along `direction` with a Gaussian whose standard deviation is `sigma` px.
 cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::Mat& image) {
   const int reach = static_cast<int>(std::ceil(3.0 * sigma));
   cv::Mat kernel(2 * reach + 1, 2 * reach + 1, CV_32F);
@@ -88,14 +89,15 @@ cv::Mat blurredAlong(const Eigen::Vector2d& direction, double sigma, const cv::M
   return blurred;
 }
 
-/// Rotates the image by `turn`, blurs it along its rows and compresses it along them.
+/// Rotates the image by `turn`, blurs it along its rows and compresses the rows by the factor
+/// `tilt`.
 cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double tilt,
                    const Placed& view) {
   const Placed turned_place(turn, image.size());
   cv::Mat blurred;
   cv::GaussianBlur(turn.isIdentity(0.0) ? image : drawn(image, turned_place), blurred,
                    cv::Size(0, 1), blurFor(tilt), 1e-6, cv::BORDER_REPLICATE);
-  // The middle of the image stays the middle.
+  // The middle of the image becomes the middle of the view.
   const cv::Size& turned = turned_place.size;
   const cv::Matx23d squeeze(1.0 / tilt, 0.0,
                             0.5 * (view.size.width - 1) - 0.5 * (turned.width - 1) / tilt,  //
@@ -105,11 +107,13 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
   return squeezed;
 }
 
-/// A tape or a panorama, rotated by 45 degrees, would fill a square as long as the image. So a view
-/// of a long image is turned until its long side lies along the rows, and is hardly larger than the
-/// image. Views may be turned, since descriptors do not depend on the rotation.
+/// Long images, such as a tape or a panorama, would fill a square as long as the image if rotated
+/// by 45 degrees. So a view of a long image is turned until its long side lies along the rows; the
+/// view is then hardly larger than the image. Views may be turned, since descriptors do not depend
+/// on the rotation.
 bool isLong(const cv::Size& size) {
-  constexpr int kRatio = 4;  // the square is then more than three times as large as the image
+  // Above this ratio, the square is more than three times as large as the image.
+  constexpr int kRatio = 4;
   return std::max(size.width, size.height) > kRatio * std::min(size.width, size.height);
 }
 
@@ -117,7 +121,8 @@ Eigen::Matrix2d rotation(double angle) {
   return Eigen::Rotation2Dd(angle).toRotationMatrix();
 }
 
-/// Mask of the view: 255 where the view shows the image, without `border` px at the image's edges.
+/// Mask of the view: 255 where the view shows the image without a rim of `border` px along the
+/// edges.
 cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<double, 2, 3>& to_view,
                  const cv::Size& view) {
   cv::Mat mask = cv::Mat::zeros(view, CV_8U);
@@ -134,7 +139,7 @@ cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<doubl
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  // Width of the patch of a descriptor, px.
+  // Width of the patch of a descriptor on the finest level, px of the image.
   const double margin = 31.0 / std::pow(options.scale_factor, options.first_level);
   const Eigen::Matrix2d turn = rotation(angle);
   Eigen::Matrix2d linear = Eigen::Vector2d(1.0 / tilt, 1.0).asDiagonal() * turn;

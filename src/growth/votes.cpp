@@ -6,11 +6,14 @@
 namespace ktgp_orb::growth {
 namespace {
 
-constexpr float kReach = 120.F;          // px of the reference
-constexpr float kCosine = 0.877583F;     // cosine of 0.5 rad
-constexpr float kLogScale = 0.470004F;   // logarithm of 1.6
-constexpr float kSlack = 4.F;            // px of the target
-constexpr float kRelativeSlack = 0.45F;  // share of the distance
+// Largest distance between a match and its voters, px of the reference.
+constexpr float kReach = 120.F;
+constexpr float kCosine = 0.877583F;    // cosine of the largest difference of rotation, 0.5 rad
+constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of scales, 1.6
+// Largest error of the predicted position: a constant part, px of the target.
+constexpr float kSlack = 4.F;
+// Second part of this error, as a share of the distance of the two matches.
+constexpr float kRelativeSlack = 0.45F;
 
 constexpr float kCell = 8.F;  // px
 
@@ -18,10 +21,11 @@ std::size_t cellsAlong(int length) {
   return static_cast<std::size_t>(static_cast<float>(std::max(length, 0)) / kCell) + 1;
 }
 
-/// Cell of a position in an image of this `size`; the nearest cell if the position is outside.
+/// The cell that contains a position in an image of this `size`; the nearest cell if the position
+/// is outside.
 std::uint32_t cellOf(float x, float y, const cv::Size& size) {
   const auto clamped = [](float v, std::size_t count) {
-    // This form of the comparison gives NaN a cell, too.
+    // With this form of the comparison, NaN gets a cell, too.
     return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
                       : std::size_t{0};
   };

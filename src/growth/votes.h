@@ -10,20 +10,21 @@
 
 namespace ktgp_orb::growth {
 
-/// Counts for each match how many others agree. The two keypoints of a match give a local rotation
-/// and scale, and so a similarity transform. The match gets a vote from each near match with
-/// similar rotation and scale at the position that this transform predicts. (In Lowe, IJCV 2004,
-/// each match votes for a pose of the whole object; here the pose must hold only nearby, so
-/// perspective does no harm.) Votes count once per 8x8 px of either image, so a corner found in
+/// Counts for each match how many other matches agree with it. The two keypoints of a match give a
+/// local rotation and scale, and so a similarity transform. A match gets a vote from each near
+/// match that has similar rotation and scale and lies where this transform predicts. (In Lowe, IJCV
+/// 2004, each match votes for a pose of the whole object; here the transform must hold only nearby,
+/// so perspective does no harm.) Votes count once per 8x8 px of either image, so a corner found in
 /// several octaves, or a cluster of corners, counts once. Keeps its buffers.
 class Votes {
  public:
-  /// Two keypoints that may show the same point.
+  /// Two keypoints that may show the same point, and the similarity transform that they give.
   struct Similarity {
-    float x, y, u, v;                  ///< positions of the two keypoints, px
-    float cosine, sine;                ///< cosine and sine of the rotation
-    float scale, log_scale;            ///< target over reference, and its logarithm
-    std::uint32_t from_cell, to_cell;  ///< cells in which votes count once
+    float x, y, u, v;    ///< positions in the reference (x, y) and in the target (u, v), px
+    float cosine, sine;  ///< cosine and sine of the rotation
+    /// Size in the target over size in the reference, and the logarithm of this ratio.
+    float scale, log_scale;
+    std::uint32_t from_cell, to_cell;  ///< cells of the two keypoints; each cell votes once
   };
 
   void clear() { pairs_.clear(); }
@@ -38,7 +39,7 @@ class Votes {
   /// Number of votes of each pair.
   const std::vector<std::int32_t>& votes() const { return votes_; }
 
-  /// The pairs that vote for pair `number`, without itself.
+  /// Sets `voters` to the pairs that vote for pair `number`.
   void voters(std::int32_t number, std::vector<std::int32_t>& voters) const;
 
  private:
@@ -46,7 +47,8 @@ class Votes {
 
   util::CellGrid cells_;
   std::vector<Similarity> pairs_;
-  std::vector<std::uint32_t> from_voted_;  // for each cell, 1 + the last pair that it voted for
+  // For each cell, 1 + the last pair for which the cell voted.
+  std::vector<std::uint32_t> from_voted_;
   std::vector<std::uint32_t> to_voted_;
   std::vector<std::int32_t> votes_;
 };

@@ -16,7 +16,8 @@ using FloatPoints = PointArrays<float>;
 
 namespace {
 
-/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge error.
+/// Squared reprojection errors of eight pairs. The error of points on or beyond the horizon is set
+/// to a huge value.
 FloatPoints::Lanes squaredErrors(const FloatPoints& points, const Eigen::Matrix3f& h,
                                  std::size_t first) {
   using Lanes = FloatPoints::Lanes;
@@ -37,7 +38,8 @@ double diagonalOf(const FourPoints& corners) {
 
 float msacCost(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
                float give_up) {
-  constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;  // pairs between two checks of the sum
+  // Number of pairs between two checks whether the sum exceeds `give_up`.
+  constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;
   const Eigen::Matrix3f h = homography.cast<float>();
   const float limit2 = static_cast<float>(limit * limit);
   const std::size_t padding = points.paddedSize() - points.size;
@@ -74,8 +76,9 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 }
 
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
-  constexpr std::size_t kEnough = 200;  // best pairs; more do not improve the homography
-  constexpr double kScales = 3.0;       // the limit over the scale of the errors
+  // Number of best pairs that are used; more pairs do not improve the homography.
+  constexpr std::size_t kEnough = 200;
+  constexpr double kScales = 3.0;  // ratio of the limit to the scale of the errors
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
@@ -86,7 +89,7 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
                           const EvidenceOptions& options, Eigen::Matrix3d& homography) {
   // The refinement also uses pairs just beyond the threshold, because the weights separate good
   // pairs from bad ones better than the threshold does.
-  constexpr double kReach = 2.0;  // in thresholds
+  constexpr double kReach = 2.0;  // reach of the refinement, in thresholds
   constexpr int kMaxRounds = 10;
   const double least = options.min_scale * pairs.target.scale;
   const double cell = diagonalOf(corners) / kCellsAlongDiagonal;  // px
@@ -103,13 +106,15 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
   return Status::ok;
 }
 
-/// If all pairs but one lie on a line, H depends on this one pair. The smaller deviation of the two
-/// images counts, because a strong perspective that moves a corner far away magnifies its error.
+/// If all pairs but one lie on a line, H depends on this one pair. The deviation is computed in
+/// both images, and the smaller one counts: if a strong perspective moves a corner far away in one
+/// image, it also magnifies the error there.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
-  constexpr double kMaxDeviation = 10.0;         // px at the worst corner
-  constexpr double kMaxDeviationWithout = 20.0;  // px, if some pairs are left out
-  constexpr std::size_t kEnough = 100;           // pairs; if these suffice, all pairs do
+  constexpr double kMaxDeviation = 10.0;         // px, largest deviation at the worst corner
+  constexpr double kMaxDeviationWithout = 20.0;  // px, the same limit if some pairs are left out
+  // Number of pairs to test first; if these determine H, all pairs do.
+  constexpr std::size_t kEnough = 100;
   FourPoints normalised_corners;
   for (std::size_t i = 0; i < 4; ++i) normalised_corners[i] = pairs.reference.apply(corners[i]);
   const auto deviation = [&](const Matrix8& covariance) {
@@ -133,7 +138,8 @@ bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints&
 namespace {
 
 /// Jacobian of the eight entries of H in pixels, H(2,2) = 1, with respect to the entries of the
-/// normalised H: chain rule through T_target^-1 H T_reference and the division by the last entry.
+/// normalised H. Uses the chain rule for T_target^-1 H T_reference and for the division by the last
+/// entry.
 HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
                                         const Eigen::Matrix3d& homography) {
   const Eigen::Matrix3d undivided = pairs.toPixels(homography);
@@ -152,7 +158,8 @@ HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
 }
 
 /// Distance in the reference, px, over which the displacement between the images changes by a
-/// pixel, at the middle of the points. Infinite if all points move alike.
+/// pixel. It is computed at the middle of the points, and is infinite if all points have the same
+/// displacement.
 double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography) {
   const Eigen::Matrix2d slope =
       homography.topLeftCorner<2, 2>() -
@@ -167,9 +174,10 @@ double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homog
 UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const FourPoints& corners,
                                             const EvidenceOptions& options,
                                             const Eigen::Matrix3d& homography) {
-  constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
-  // The price of assuming a field that does not exist is high for keypoints, since their noise is
-  // large, and low for aligned points.
+  constexpr double kNearby = 16.0;  // px, the side of the patches that alignment uses
+  // If a smooth field is assumed although none exists, the covariance becomes too large: by much
+  // for keypoints, whose noise is large, and by little for aligned points. So keypoints must show a
+  // field with more significance.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
@@ -180,8 +188,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   scales.rounding_length = pairs.reference.scale * lengthOfAPixel(pairs, homography);
   const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
                                     estimator_.curvature(), homography, scales);
-  // The scale of the errors is estimated with f degrees of freedom. So H has Student's t
-  // distribution, with f / (f - 2) times the covariance for a known scale.
+  // The scale of the errors is estimated with f degrees of freedom, so H has Student's t
+  // distribution. Its covariance is f / (f - 2) times the covariance for a known scale.
   const double freedom = estimator_.freedom();
   const double spread = freedom / std::max(freedom - 2.0, 1.0);
   const double shared = of_patches ? field.shared_patches : 1.0;
@@ -189,7 +197,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   if (of_patches) noise += field.common_covariance;
   const double rounding = options.rounding * pairs.target.scale;
   // If the grey values are noisy, their rounding differs from patch to patch and is part of the
-  // noise that the errors show. Only the rest of the rounding is alike for neighbours.
+  // noise that the errors show. Only the rest of the rounding error is similar for neighbouring
+  // pairs.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;
@@ -211,7 +220,8 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell) {
   return evidence;
 }
 
-// Both limits were chosen for PROSAC's threshold of 3 px and images of 640x480.
+// The limit and the least scale of the errors were chosen for PROSAC's threshold of 3 px and images
+// of 640x480 px.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
   constexpr double kFoundWithError = 3.0;       // px
   constexpr double kFoundWithDiagonal = 800.0;  // px

@@ -17,9 +17,9 @@
 
 namespace ktgp_orb::homography {
 
-/// MSAC cost (Torr & Zisserman, CVIU 2000): sum over the pairs of min(e², limit²), with e the
-/// reprojection error in the target. Stops as soon as the sum exceeds `give_up` and returns the
-/// partial sum, so a cost below `give_up` is complete.
+/// MSAC cost (Torr & Zisserman, CVIU 2000): sum over the pairs of min(e², limit²), where e is the
+/// reprojection error in the target. If the sum exceeds `give_up`, the loop ends early and returns
+/// the partial sum. So a cost below `give_up` is the sum over all pairs.
 float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homography, double limit,
                float give_up);
 
@@ -27,14 +27,14 @@ float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homograp
 std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d& homography,
                         double limit, std::vector<std::uint8_t>& inlier);
 
-/// The problem of estimation::ProsacSearch: a homography between normalised coordinates. Keeps its
-/// buffers.
+/// Defines the problem that estimation::ProsacSearch solves: find a homography between normalised
+/// coordinates. Keeps its buffers.
 class HomographyProblem {
  public:
   using Model = Eigen::Matrix3d;
   static constexpr std::size_t kSample = std::tuple_size<FourPoints>::value;
 
-  /// Keeps a reference to the pairs, which are sorted by quality, best first.
+  /// Keeps a pointer to the pairs, which must be sorted by quality, best first.
   void setPairs(const NormalisedPairs& pairs) { pairs_ = &pairs; }
   static std::size_t sampleSize() { return kSample; }
   std::size_t size() const { return pairs_->size(); }
@@ -47,7 +47,8 @@ class HomographyProblem {
   float cost(const Eigen::Matrix3d& homography, float give_up) const {
     return msacCost(pairs_->scoring, homography, pairs_->limit, give_up);
   }
-  /// Returns false if no more pairs are within reach than a sample has, or they do not determine H.
+  /// Refines H with the pairs within `widening` times the threshold. Returns false if there are not
+  /// more pairs than in a sample, or if they do not determine H.
   bool refine(double widening, Eigen::Matrix3d& homography);
   std::size_t findInliers(const Eigen::Matrix3d& homography,
                           std::vector<std::uint8_t>& inlier) const {
@@ -58,7 +59,7 @@ class HomographyProblem {
   bool solve(const estimation::ProsacSample& sample, Eigen::Matrix3d& homography) const;
 
   const NormalisedPairs* pairs_ = nullptr;
-  std::vector<std::uint8_t> near_;  // pairs used by refine()
+  std::vector<std::uint8_t> near_;  // mask of the pairs that refine() used last
   ReprojectionFit estimator_;
 };
 
@@ -66,31 +67,33 @@ class HomographyProblem {
 struct EvidenceOptions {
   double max_error = 3.0;  ///< pairs within twice this error take part, px, > 0
   /// Lower limit of the scale of the errors, px, > 0. With a limit well above the errors of the
-  /// best points, the fit weights all points alike even if no plane explains them exactly. Without
-  /// this limit, the fit follows the points that happen to lie in one plane.
+  /// best points, the fit weights all points alike even if no plane explains them exactly. With a
+  /// smaller limit, the fit would follow the points that happen to lie in one plane.
   double min_scale = 1e-4;
-  bool of_patches = false;  ///< aligned patches gave the points; they share noise if they overlap
-  double rounding = 0.0;    ///< see PointPairs::rounding
-  /// Pairs that are close together count like one pair. So a part of the scene with many pairs,
-  /// which may lie slightly off the plane of the rest, does not decide alone.
+  /// Whether the points come from aligned patches, which share noise if they overlap.
+  bool of_patches = false;
+  double rounding = 0.0;  ///< see PointPairs::rounding
+  /// If true, pairs that are close together count like one pair. So a part of the scene with many
+  /// pairs, which may lie slightly off the plane of the rest, does not determine H alone.
   bool by_cell = false;
 };
 
-/// Fits the homography of maximum likelihood (homography/reprojection_fit.h) to all pairs that it
-/// may explain, and estimates its uncertainty. Keeps its buffers.
+/// Fits the homography of maximum likelihood (homography/reprojection_fit.h) to all pairs that the
+/// homography may explain, and estimates its uncertainty. Keeps its buffers.
 class HomographyFit {
  public:
   using Matrix8 = ReprojectionFit::Matrix8;
 
-  /// Refines H, between normalised coordinates, until the set of pairs within twice the threshold
-  /// of `pairs` stays the same. `corners`: corners of the reference image, px. Returns no_model if
-  /// no more pairs are within reach than a sample has, and model_rejected if they do not determine
-  /// H.
+  /// Refines H, which maps normalised coordinates, until the set of pairs within twice the
+  /// threshold of `pairs` stays the same, but at most ten times. `corners`: corners of the
+  /// reference image, px. Returns no_model if this set is not larger than a sample, and
+  /// model_rejected if the pairs do not determine H.
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// True if the pairs of the last fit determine the image corners, even without any quarter of the
-  /// pairs, or without any one of up to eight pairs. `homography`: the result of the fit.
+  /// True if the pairs of the last fit determine the image corners, even if any quarter of the
+  /// pairs is left out (or any single pair, if there are at most eight). `homography`: the result
+  /// of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;
 
@@ -102,26 +105,27 @@ class HomographyFit {
  private:
   ReprojectionFit estimator_;
   SmoothField field_;
-  std::vector<std::uint8_t> near_;  // pairs within reach
-  std::vector<std::uint8_t> used_;  // pairs of the last refinement
+  std::vector<std::uint8_t> near_;  // mask of the pairs whose error is below twice the threshold
+  std::vector<std::uint8_t> used_;  // mask of the pairs of the last refinement
 };
 
 /// Options for keypoints. `by_cell`: see EvidenceOptions.
 EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 
-/// Options for points from the alignment of patches. `max_error`: inlier threshold of keypoints in
-/// an image of 640x480 px, px. The threshold, and the least scale (a third of it), grow in
-/// proportion to the diagonal.
+/// Options for points from the alignment of patches. `max_error`: inlier threshold, px, for
+/// keypoints in an image of 640x480 px. The threshold and the lower limit of the scale (a third of
+/// the threshold) grow in proportion to the image's diagonal.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
-/// Estimates a homography again from more points or more accurate ones. Starts at the given
-/// homography, without sampling. Keeps its buffers.
+/// Estimates a homography again from more points or from more accurate points. It starts at the
+/// given homography and draws no samples. Keeps its buffers.
 class HomographyRefiner {
  public:
-  /// All values are finite and in pixels. Returns true if `estimate` was refined, with H(2,2) = 1.
-  /// Returns false, with `estimate` unchanged, if too few pairs are near, these do not determine H,
-  /// or `estimate` is not the view of a plane from one side. `reference_size` may be empty (see
-  /// imageCorners). Throws std::invalid_argument for arrays of different length.
+  /// Refines `estimate`. All values must be finite and in pixels. Returns true on success; then
+  /// H(2,2) = 1. Returns false, with `estimate` unchanged, if too few pairs agree with `estimate`,
+  /// if these pairs do not determine H, or if `estimate` is not the view of a plane from one side.
+  /// `reference_size` may be empty (see imageCorners). Throws std::invalid_argument for arrays of
+  /// different length.
   bool refine(const std::vector<Eigen::Vector2d>& reference,
               const std::vector<Eigen::Vector2d>& target, const cv::Size& reference_size,
               const EvidenceOptions& options, UncertainHomography& estimate);

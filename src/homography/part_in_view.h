@@ -8,16 +8,17 @@
 
 namespace ktgp_orb::homography {
 
-/// H with the sign for which the third coordinate is positive where the plane is visible; then
-/// det H > 0. H(2,2) = 1 does not tell the visible side, since the origin may be beyond the
-/// horizon.
+/// H, with its sign chosen so that the third coordinate of H x is positive where the plane is
+/// visible. If H has a horizon, this is the sign with det H > 0. The sign of H(2,2) does not show
+/// which side is visible, since the origin may be beyond the horizon.
 Eigen::Matrix3d facing(const Eigen::Matrix3d& homography);
 
-/// A point is at the horizon if its third coordinate is below this share of the largest one at the
-/// corners. There, a pixel of the reference is stretched 10^6 times.
+/// A point counts as on the horizon if its mapped third coordinate is below this share of the
+/// largest third coordinate at the corners. At this limit, a pixel of the reference is stretched
+/// 10^6 times.
 inline constexpr double kAtHorizon = 1e-3;
 
-/// Corners of a part of an image, without heap memory.
+/// Corners of a part of an image. No heap memory is used.
 class PartOfImage {
  public:
   void add(const Eigen::Vector2d& corner) { corners_[size_++] = corner; }
@@ -26,12 +27,13 @@ class PartOfImage {
   const Eigen::Vector2d* end() const { return corners_.data() + size_; }
 
  private:
-  std::array<Eigen::Vector2d, 8> corners_;  // each of the four sides adds at most two
+  std::array<Eigen::Vector2d, 8> corners_;  // each of the four sides adds at most two corners
   std::size_t size_ = 0;
 };
 
-/// Corners of the part of the image that `facing` shows, which ends at `least` times the largest
-/// third coordinate of the corners. There are up to five; fewer than three mean an empty view.
+/// Corners of the part of the image that `facing` shows. The part ends where the mapped third
+/// coordinate is `least` times the largest one at the corners. There are up to five corners; if
+/// there are fewer than three, the view is empty.
 PartOfImage partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
                        double least = kAtHorizon);
 

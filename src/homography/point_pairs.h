@@ -13,8 +13,8 @@
 
 namespace ktgp_orb::homography {
 
-/// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`.
-/// x, y: reference; u, v: target; both in the units of the homography.
+/// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`. x,
+/// y: reference points; u, v: target points; both in the units of the homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;
@@ -23,7 +23,7 @@ struct PointArrays {
   static constexpr Scalar kFar = Scalar(1e9);
 
   std::vector<Scalar> x, y, u, v;
-  std::size_t size = 0;  ///< pairs, without the padding
+  std::size_t size = 0;  ///< number of pairs, without the padding
 
   std::size_t paddedSize() const { return x.size(); }
 
@@ -73,11 +73,12 @@ struct PointArrays {
     return count;
   }
 
-  static constexpr std::size_t kCellColumns = 64;  ///< the last one holds all points beyond it
+  /// Number of cells along each axis; the last cell also holds all points beyond it.
+  static constexpr std::size_t kCellColumns = 64;
   static constexpr std::size_t kCells = kCellColumns * kCellColumns;
 
-  /// Sets cell[i], below kCells, to the cell of reference point i. Cells are squares of side
-  /// `side`. There must be at least one pair.
+  /// Sets cell[i] to the index of the cell of reference point i, which is below kCells. Cells are
+  /// squares of side `side`. There must be at least one pair.
   void findCells(double side, std::vector<std::size_t>& cell) const {
     const auto least = [this](const std::vector<Scalar>& axis) {
       return *std::min_element(axis.begin(), axis.begin() + static_cast<std::ptrdiff_t>(size));
@@ -99,7 +100,7 @@ struct PointArrays {
 };
 
 /// Shifts points to their centroid and scales them to a mean distance of about 1 (Hartley, PAMI
-/// 1997). Single precision and the normal equations need this.
+/// 1997). Without this, single precision and the normal equations would not be accurate enough.
 struct Normalisation {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;
@@ -130,21 +131,24 @@ struct Normalisation {
   }
 };
 
-/// Point pairs for the estimation of a homography or an epipolar geometry: normalised, in single
-/// precision where that is enough.
+/// Point pairs for the estimation of a homography or an epipolar geometry. They are normalised, and
+/// stored both in single and in double precision.
 struct NormalisedPairs {
   Normalisation reference, target;
-  PointArrays<float> scoring;      // to count inliers, for which single precision is enough
-  PointArrays<double> refinement;  // to refine, for which single precision is not enough
+  // Pairs for counting inliers, for which single precision is enough.
+  PointArrays<float> scoring;
+  PointArrays<double> refinement;  // pairs for the refinement, which needs double precision
   double limit = 0.0;              // the inlier threshold in normalised target units
-  // Lower limits of the doubled area of triangles in a sample: the squared threshold, normalised.
+  // Lower limits of the doubled area of the triangles in a sample, in normalised units. They equal
+  // the squared threshold.
   double min_reference_area = 0.0;
   double min_target_area = 0.0;
 
   std::size_t size() const { return scoring.size; }
 
-  /// `order(i)` is the index of the i-th pair; `threshold` is in px. `alike`: both images get the
-  /// same scale, so that distances in them can be compared.
+  /// Normalises the given points. `order(i)`: index of the i-th pair in the input; `threshold`:
+  /// inlier threshold, px. `alike`: whether both images get the same scale, so that distances in
+  /// them can be compared.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
             const std::vector<Eigen::Vector2d>& target_points, const Order& order, double threshold,
@@ -167,15 +171,18 @@ struct NormalisedPairs {
     }
   }
 
-  /// Converts a homography between normalised coordinates to pixels, at any scale.
+  /// Converts a homography between normalised coordinates to a homography in pixels; its scale is
+  /// arbitrary.
   Eigen::Matrix3d toPixels(const Eigen::Matrix3d& normalised) const {
     return target.inverse() * normalised * reference.matrix();
   }
 
-  /// Converts a homography from pixels to normalised coordinates, with H(2,2) = 1 and so a positive
-  /// third coordinate at the centre of the reference. Empty unless H views a plane from one side.
+  /// Converts a homography from pixels to normalised coordinates, with H(2,2) = 1, so that the
+  /// third coordinate is positive at the centre of the reference. Empty unless H is the view of a
+  /// plane from one side.
   std::optional<Eigen::Matrix3d> fromPixels(const Eigen::Matrix3d& pixel) const {
-    constexpr double kSingular = 1e-12;  // determinant; entries are of the order of 1
+    // Limit of the determinant of H, whose entries are of the order of 1.
+    constexpr double kSingular = 1e-12;
     Eigen::Matrix3d h = target.matrix() * pixel * reference.inverse();
     h /= h(2, 2);
     if (!h.allFinite() || !(h.determinant() > kSingular)) return std::nullopt;

@@ -13,7 +13,7 @@
 #include "util/reset_keeping.h"
 
 namespace ktgp_orb {
-/// Search, fit and verdict, with their buffers.
+/// The parts of the estimation (search, fit and verdict), with their buffers.
 struct ProsacHomography::Impl {
   ProsacOptions options;
   estimation::QualityOrder order;

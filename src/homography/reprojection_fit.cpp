@@ -18,7 +18,7 @@ using Points = PointArrays<double>;
 using Lanes = Eigen::Array<double, RobustWeights::kLanes, 1>;
 using Map = Eigen::Map<Lanes>;
 
-constexpr std::size_t kEntries = 8;  // estimated entries of H
+constexpr std::size_t kEntries = 8;  // number of estimated entries of H
 
 Lanes load(const std::vector<double>& array, std::size_t first) {
   return Eigen::Map<const Lanes>(array.data() + first);
@@ -28,9 +28,9 @@ double sum(const Lanes& lanes) {
   return lanes[0] + lanes[1];
 }
 
-/// Two reference points mapped by H, and their errors in the target.
+/// Two reference points mapped by H, one in each lane, and their errors in the target.
 struct Projection {
-  Lanes x, y, z;  // reference point divided by the third coordinate w; 1/w
+  Lanes x, y, z;  // x, y: reference point divided by w, the third coordinate of H x; z: 1/w
   Lanes u, v;     // projected point
   Lanes du, dv;   // error: projected point - target point
 
@@ -47,8 +47,8 @@ struct Projection {
   }
 };
 
-/// The sums of J^T w J and J^T w e. J's rows for one pair are [x y z 0 0 0 -u x -u y] and
-/// [0 0 0 x y z -v x -v y], so that J^T w J has 19 different entries, not 36.
+/// The sums of J^T w J and J^T w e over the pairs. The rows of J for one pair are [x y z 0 0 0 -u x
+/// -u y] and [0 0 0 x y z -v x -v y], so that J^T w J has 19 different entries, not 36.
 class ReprojectionSums {
  public:
   ReprojectionSums() {
@@ -115,11 +115,11 @@ class ReprojectionSums {
     return matrix;
   }
 
-  Lanes plain_[5];            // weighted products xx xy xz yy yz
-  Lanes times_u_[5];          // weighted products times u
-  Lanes times_v_[5];          // weighted products times v
+  Lanes plain_[5];            // sums of the weighted products xx xy xz yy yz
+  Lanes times_u_[5];          // sums of the weighted products times u
+  Lanes times_v_[5];          // sums of the weighted products times v
   Lanes zz_ = Lanes::Zero();  // weighted zz
-  Lanes squared_[3];          // (uu + vv) times xx xy yy
+  Lanes squared_[3];          // weighted sums of (uu + vv) times xx xy yy
   Lanes gradient_[8];
 };
 
@@ -137,8 +137,8 @@ Matrix8 sumOfSquares(const Points& points, const Eigen::Matrix3d& homography, st
   return jtj;
 }
 
-/// A fit of H stops when no entry, which is of the order of 1, changes by more than 1e-5. Steps are
-/// not limited, since steps from the best PROSAC samples may be long.
+/// The fit of H has converged when no entry changes by more than 1e-5; the entries are of the order
+/// of 1. The length of steps is not limited, since steps from the best PROSAC samples may be long.
 estimation::FitRules rules() {
   estimation::FitRules rules;
   rules.converged = 1e-5;
@@ -185,7 +185,7 @@ void ReprojectionFit::Problem::linearise(const Eigen::Matrix3d& homography, Robu
   sums.squares = jtj;
   sums.gradient = jtr;
   sums.weight = sum(all);
-  // The mean over both directions of d(t e)/de is t² f / (f + 2).
+  // The mean of d(t e)/de over the two directions of the error is t² f / (f + 2).
   constexpr double kShare = estimation::kStudentFreedom / (estimation::kStudentFreedom + 2.0);
   sums.derivative = sum(derivatives) * kShare;
   sums.square = sum(squares);
@@ -202,8 +202,9 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
     if (mask[i] != 0) selected.set(n++, points, i);
   }
   selected.size = n;
-  // An odd last pair is processed with a padding pair of weight zero. An old value in the padding
-  // could lie on the horizon of the next H, and zero times infinity is NaN.
+  // If the number of pairs is odd, the last pair is processed together with a padding pair of
+  // weight zero. The padding is cleared, because an old point in it could lie on the horizon of the
+  // next H, and zero times infinity is NaN.
   if (n < selected.paddedSize()) selected.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
   fit_.weights().reset(n, 2, kEntries);
   by_cell_ = false;
@@ -211,7 +212,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
 }
 
 void ReprojectionFit::weighByCell(double cell) {
-  constexpr double kFewest = 64.0;  // equally weighted pairs, eight for each entry of H
+  // Minimum number of equally weighted pairs, eight for each entry of H.
+  constexpr double kFewest = 64.0;
   const std::size_t n = size();
   if (n == 0) return;
   problem_.pairs.findCells(cell, cell_);
@@ -258,7 +260,8 @@ bool ReprojectionFit::minimise(double min_scale, double& scale, Eigen::Matrix3d&
   return true;
 }
 
-/// With weights by cell, (J^T w J)^-1 becomes A^-1 (J^T c w J) A^-1 with A = J^T w J (White 1980).
+/// With the weights by cell (factor c), the covariance is A^-1 (J^T c w J) A^-1 with A = J^T w J
+/// (White 1980), not A^-1.
 Matrix8 ReprojectionFit::covariance() const {
   const Matrix8 inverted = estimation::inverseOf(fit_.sums().squares);
   if (!by_cell_) return variance_factor_ * inverted;

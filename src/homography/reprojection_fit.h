@@ -10,46 +10,47 @@
 
 namespace ktgp_orb::homography {
 
-/// Fits H's first eight entries, with H(2,2) = 1, by maximum likelihood for reprojection errors in
-/// the target with Student's t distribution. Keypoints of coarse octaves are several times less
-/// accurate than keypoints of fine octaves. So the errors have heavy tails, and in least squares
-/// the least accurate pairs would dominate. Keeps its buffers from call to call.
+/// Fits H's first eight entries, with H(2,2) = 1, by maximum likelihood. The reprojection errors in
+/// the target are assumed to have Student's t distribution. The reason is that keypoints of coarse
+/// octaves are several times less accurate than keypoints of fine octaves. So the errors have heavy
+/// tails, and the least accurate pairs would dominate a least-squares fit. Keeps its buffers from
+/// call to call.
 class ReprojectionFit {
  public:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-  /// Selects the pairs for the following calls: the first `max_pairs` marked in `mask`. Returns
-  /// their number.
+  /// Selects the pairs for the following calls: the first pairs that are marked in `mask`, at most
+  /// `max_pairs`. Returns the number of selected pairs.
   std::size_t select(const PointArrays<double>& points, const std::vector<std::uint8_t>& mask,
                      std::size_t max_pairs);
 
-  /// Weighs the selected pairs so that all pairs in one cell count together like one pair. `cell`:
+  /// Weights the selected pairs so that all pairs in one cell together count like one pair. `cell`:
   /// side of a cell, in units of the reference. Each pair gets the inverse of the number of pairs
-  /// in its cell, scaled to a mean of 1. The weights stay equal, as after select(), if the result
-  /// would be as noisy as with fewer than 64 equally weighted pairs.
+  /// in its cell, scaled to a mean of 1. The weights stay equal, as after select(), if unequal
+  /// weights would make the result as noisy as a fit to fewer than 64 equally weighted pairs.
   void weighByCell(double cell);
 
   /// Takes one step with the given scale of the errors; false if the pairs do not determine H.
   bool step(double scale, Eigen::Matrix3d& homography);
 
-  /// Fits to convergence. The scale of the errors, in units of the target, is estimated together
-  /// with H, beginning with the given scale and not below `min_scale`. Returns false if the pairs
-  /// do not determine H.
+  /// Iterates until convergence. The scale of the errors, in units of the target, is estimated
+  /// together with H. It begins at `scale` and does not become smaller than `min_scale`. Returns
+  /// false if the pairs do not determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
   /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
   Matrix8 covariance() const;
 
-  /// The covariance from the first `count` pairs, without the pairs whose index modulo `folds` is
-  /// `fold`. Infinite if the remaining pairs do not determine H.
+  /// The covariance of a fit to the first `count` pairs without the pairs whose index modulo
+  /// `folds` is `fold`. Infinite if the remaining pairs do not determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 
   std::size_t size() const { return problem_.pairs.size; }
   /// Degrees of freedom of the estimated scale.
   double freedom() const { return fit_.weights().freedom(); }
-  /// The selected pairs, their weights in the last iteration of minimise(), and the second
-  /// derivative of the likelihood divided by J^T w J.
+  /// The selected pairs, their weights in the last iteration of minimise(), and the ratio of the
+  /// second derivative of the likelihood to J^T w J.
   const PointArrays<double>& pairs() const { return problem_.pairs; }
   const std::vector<double>& weights() const { return fit_.weights().weight; }
   double curvature() const { return fit_.sums().derivative / fit_.sums().weight; }
@@ -66,9 +67,9 @@ class ReprojectionFit {
 
   Problem problem_;
   estimation::RobustFit<Problem> fit_;
-  bool by_cell_ = false;              // weighByCell() has set the factors
-  std::vector<double> factor_;        // factor of each pair
-  std::vector<std::size_t> cell_;     // cell of each pair
+  bool by_cell_ = false;              // whether weighByCell() has set factor_
+  std::vector<double> factor_;        // weight factor c of each pair
+  std::vector<std::size_t> cell_;     // index of the cell of each pair
   std::vector<std::size_t> in_cell_;  // number of pairs in each cell
   double variance_factor_ = 0.0;      // factor of (J^T w J)^-1; minimise() sets it
   Matrix8 by_squares_;                // sum of J^T c w J; minimise() sets it if by_cell_

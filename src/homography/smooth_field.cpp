@@ -11,8 +11,8 @@ namespace {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// The product J1' J2 of two Jacobians, from the product of their slopes. A Jacobian has the rows
-/// [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
+/// The product J1' J2 of two Jacobians, computed from the product of their slopes. A Jacobian has
+/// the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
 Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
@@ -33,7 +33,8 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  constexpr double kLength = 0.6;  // share of the diagonal: see the measurement in method.md
+  // Correlation length l, as a share of the diagonal; measured in method.md.
+  constexpr double kLength = 0.6;
   // With fewer pairs, the fit of H's eight entries removes nearly all errors, so that nothing is
   // left to estimate the field from.
   constexpr std::size_t kFewest = 12;
@@ -66,8 +67,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   return result;
 }
 
-/// Moment of the squared errors of single pairs: sum of w² |r|². With r = M e, M = I - J A^-1 J'W,
-/// the expectation for a covariance K of the errors e is
+/// Moment of the squared errors of single pairs: sum of w² |r|². The residuals are r = M e with M =
+/// I - J A^-1 J'W. If the errors e have the covariance K, the expectation of the moment is
 ///
 ///   tr(W M K M' W) = tr(W K W) - 2 tr(A^-1 J'W³ K J) + tr(A^-1 J'W K W J A^-1 J'W² J),
 ///
@@ -84,9 +85,10 @@ SmoothField::Moment SmoothField::singleMoment(const PairSums& of_pairs, const Ce
   return single;
 }
 
-/// Moment of the products of the errors of near pairs: sum of w w' r·r' over couples in one cell or
-/// in adjacent cells, with an expectation as in singleMoment(). A pair with itself, which is
-/// `single`, and couples that share noise are left out. The fit treats such couples like one point.
+/// Moment of the products of the errors of near pairs: sum of w w' r·r' over couples of pairs in
+/// one cell or in adjacent cells. The expectation has the form given in singleMoment(). The
+/// products of a pair with itself (moment `single`) and of couples that share noise are left out.
+/// The fit treats couples that share noise like one point.
 SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const CellSums& of_cells,
                                             const Fitted& fitted, const Moment& single) {
   const double weights2 = of_pairs.weights2;
@@ -106,9 +108,11 @@ SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const Cell
 
 void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
                                  const Moment& single, FieldFit& result) {
-  constexpr double kCommon = 0.02;  // share of the variance of the noise, see FieldFit
-  // A field that is correlated over most of the image gives about this many independent values.
-  // With so few, the covariance is f / (f - 2) times as large, as for Student's t.
+  // Variance of the error that all pairs share, as a share of the variance of the noise; see
+  // FieldFit::common_covariance.
+  constexpr double kCommon = 0.02;
+  // A field that is correlated over most of the image gives only about this number f of independent
+  // values. Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
   constexpr double kFreedom = 6.0;
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
@@ -117,13 +121,14 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * fitted.by_field;
 }
 
-/// Sets tau² and sigma² from the two moments. The ratio of the products of near pairs to the
-/// squared errors lies between the values for pure noise and for a pure field; its position between
-/// them is the field's share of the error. If noise alone could give this ratio, there is no field.
+/// Sets tau² and sigma² from the two moments. The moment of near pairs divided by the moment of
+/// single pairs lies between its values for pure noise and for a pure field. The position between
+/// these two values is the field's share of the squared errors. If noise alone could give the
+/// measured ratio, no field is assumed.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
   // If few cells are covered, the fit of H removes almost as much of a field as of noise. Then the
-  // expected ratios are too close to tell field and noise apart.
+  // expected ratios for field and noise are too close to tell them apart.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;
@@ -181,13 +186,14 @@ SmoothField::CellSums SmoothField::sumCells() const {
   return sums;
 }
 
-/// J'W K W J of a field of variance 1 whose correlation length is `length`.
+/// Returns J'W K W J for a field with variance 1 and correlation length `length`.
 SmoothField::Matrix8 SmoothField::spreadOfRounding(double length, double cell_side) {
   step_ = std::exp(-cell_side / length);
   smooth();
   Matrix8 spread = Matrix8::Zero();
   for (const Cell& cell : cells_) spread += cell.slope * cell.smoothed.transpose();
-  // Within a cell, the sums above use 1 for exp(-d/l). This is the mean of exp(-d/l) in a cell.
+  // The sums above use exp(-d/l) = 1 for pairs within one cell. We correct this by the mean of
+  // exp(-d/l) in a cell.
   const double share = length / cell_side;
   const double along = 2.0 * share * (1.0 - share * (1.0 - step_));
   return along * along * spread;
@@ -197,7 +203,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
                               const Eigen::Matrix3d& homography) {
   constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
-  pairs_.reserve(kMost);  // allocates once, not at each new maximum of pairs
+  pairs_.reserve(kMost);  // allocates once, and not again when the number of pairs grows
   squared_.reserve(kMost);
   by_x_.reserve(kMost);
   pairs_.resize(count);
@@ -220,10 +226,11 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
 }
 
 /// A few wrong pairs side by side would look like a field. So errors are limited to five standard
-/// deviations, estimated from the median.
+/// deviations. The standard deviation is estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
-  constexpr double kMedian = 1.386;  // median of squared errors over the variance per coordinate
+  // Median of |r|², divided by the variance per coordinate, for normal errors in two coordinates.
+  constexpr double kMedian = 1.386;
   squared_.clear();
   for (const Pair& pair : pairs_) squared_.push_back(pair.error.squaredNorm());
   const auto middle = squared_.begin() + static_cast<std::ptrdiff_t>(squared_.size() / 2);
@@ -242,7 +249,7 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Keypoints may be outside the image. The last row and column of cells include these keypoints.
+  // Keypoints may be outside the image; they are counted in the last row or column of cells.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
@@ -250,7 +257,7 @@ void SmoothField::sortIntoCells(double cell_side) {
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
   constexpr std::size_t kSide = 17;
-  constexpr std::size_t kUsual = kSide * kSide;  // enough for every image
+  constexpr std::size_t kUsual = kSide * kSide;  // number of cells that is enough for every image
   cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
@@ -264,8 +271,9 @@ void SmoothField::sortIntoCells(double cell_side) {
   }
 }
 
-/// Sums the slopes of all cells with weights exp(-d/l), d in city-block distance: along the rows,
-/// then along the columns, each with a forward and a backward pass.
+/// For each cell, sums the slopes of all cells with the weights exp(-d/l), where d is the
+/// city-block distance. The sums are computed along the rows and then along the columns, with a
+/// forward and a backward pass each.
 void SmoothField::smooth() {
   const auto along = [this](std::size_t first, std::size_t stride, std::size_t count) {
     const auto value = [&](std::size_t i) -> Slope& { return cells_[first + i * stride].smoothed; };

@@ -9,24 +9,27 @@
 
 namespace ktgp_orb::homography {
 
-/// Number of cells along the image's diagonal. Pairs in one cell may have an error in common.
+/// Number of cells along the image's diagonal. The pairs in one cell may have a common error.
 inline constexpr double kCellsAlongDiagonal = 16.0;
 
 /// Settings for the estimation of the smooth field; lengths are in units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
-  /// Minimum significance of a field, in standard deviations of the estimate from noise alone.
+  /// Minimum significance of a field. The unit is the standard deviation that the estimate has if
+  /// there is only noise.
   double significance = 0.0;
-  double nearby = 0.0;           ///< pairs closer than this, in x and y, may share noise
-  double rounding_length = 0.0;  ///< the displacement changes by a pixel over this distance
+  /// Pairs may share noise if their distance in x and in y is below this length.
+  double nearby = 0.0;
+  double rounding_length = 0.0;  ///< distance over which the displacement changes by a pixel
 };
 
-/// Splits the errors of the pairs into a smooth field and noise.
+/// Result of SmoothField::fit: the errors of the pairs, split into a smooth field and noise.
 struct FieldFit {
   double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
-  double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
-  double noise_variance =
-      0.0;  ///< variance of the noise per coordinate, units as `variance`; 0: too few pairs
+  double noise_share = 1.0;  ///< share of the squared errors that is due to noise, 0..1
+  /// Variance of the noise per coordinate, in the units of `variance`; 0 if there are too few
+  /// pairs.
+  double noise_variance = 0.0;
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// Covariance of H from rounding errors of variance 1 (see SmoothField).
@@ -35,17 +38,18 @@ struct FieldFit {
   /// Interpolation gives sub-pixel registration the same error for patches at the same position
   /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// Number of pairs over the number of independent pairs, >= 1, for pairs found with overlapping
-  /// patches of side FieldScales::nearby. Their errors correlate as the patches overlap. This is
-  /// the variance of their mean over the variance of a mean of independent errors.
+  /// Factor, >= 1, by which the variance of the mean error exceeds its value for independent
+  /// errors. It is needed for pairs found by patches of side FieldScales::nearby: if patches
+  /// overlap, their errors are correlated in proportion to the overlap.
   double shared_patches = 1.0;
 };
 
 /// Separates a smooth field from noise in the reprojection errors of an estimated homography.
 ///
 /// In real scenes neighbouring points have similar errors: the scene is not quite a plane, the lens
-/// bends, the shutter rolls. Using more pairs does not average such errors out, and a covariance
-/// for independent errors is several times too small. The model is the covariance
+/// bends, the shutter rolls. Such errors do not average out if more pairs are used, and a
+/// covariance that assumes independent errors is several times too small. The model is the
+/// covariance
 ///
 ///   K = tau² exp(-d/l) + sigma² (d = 0),   d = |dx| + |dy| in the reference image,
 ///
@@ -58,10 +62,11 @@ struct FieldFit {
 /// a cell. Pairs that may share noise (FieldScales::nearby) are left out.
 ///
 /// Positions are rounded, keypoints to whole pixels. The rounding error of a displacement depends
-/// on its fraction of a pixel. So neighbours have similar rounding errors, and no residual shows
-/// them: with a motion of a fifth of a pixel nearly all keypoints stay where they are. Rounding
-/// errors are a field of known variance with this covariance, but l is the distance over which the
-/// displacement changes by a pixel. If l is short, rounding errors average out. Keeps its buffers.
+/// on the fraction of a pixel in the displacement. So neighbours have similar rounding errors,
+/// which residuals do not show: if the image moves by a fifth of a pixel, nearly all keypoints stay
+/// on the same pixel. Rounding errors are treated as a field with known variance and the same
+/// covariance model, in which l is the distance over which the displacement changes by a pixel. If
+/// this distance is short, rounding errors average out. Keeps its buffers.
 class SmoothField {
  public:
   /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
@@ -72,14 +77,14 @@ class SmoothField {
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
   /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see
-  /// reprojection_fit.cpp). The eighth entry is zero, because Eigen has vector code for eight
-  /// doubles, not for seven.
+  /// reprojection_fit.cpp). The eighth entry is always zero; it is there because Eigen has vector
+  /// code for eight doubles, but not for seven.
   using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {
     Slope slope;
     Eigen::Vector2d point, error;
-    double weight = 0.0;  ///< 1 on average
+    double weight = 0.0;  ///< weight w in the fit, 1 on average
     std::size_t cell = 0;
   };
   struct Cell {
@@ -89,12 +94,14 @@ class SmoothField {
     Slope slope2 = Slope::Zero();                     // sum of w² J
     Slope smoothed = Slope::Zero();                   // sum of w J exp(-d/l) over all cells
   };
-  /// A statistic of the errors, and its expectations for tau² = 1 and for sigma² = 1.
+  /// A statistic of the errors, its expectation for a field with tau² = 1, and its expectation for
+  /// noise with sigma² = 1.
   struct Moment {
     double measured = 0.0;
     double of_field = 0.0;
     double of_noise = 0.0;
-    double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
+    // Standard deviation of `measured` for noise with sigma² = 1 and no field.
+    double deviation = 0.0;
   };
   /// Sums over the pairs of w J'J, w² J'J and w³ J'J, and of w² and w² r².
   struct PairSums {
@@ -104,21 +111,28 @@ class SmoothField {
     Slope slope = Slope::Zero();  // sum of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Sums over couples of pairs that share noise: the shared part of a patch, w w', and w w' r·r'.
+    // Sums over couples of pairs that share noise: of the overlapping share of their patches, of w
+    // w', and of w w' r·r'.
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over the cells. V: sum of the slopes of a cell and of the cells that touch it.
+  /// Sums over the cells of the products that are named below. V: sum of the slopes of a cell and
+  /// of the cells that touch it.
   struct CellSums {
-    Matrix8 spread = Matrix8::Zero();      // slope' smoothed: J'W K W J for tau² = 1
+    Matrix8 spread = Matrix8::Zero();      // sum of slope' smoothed: J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2' smoothed
     Matrix8 near = Matrix8::Zero();        // weight V' smoothed
     Matrix8 near_noise = Matrix8::Zero();  // V' slope2
     Matrix8 fitted = Matrix8::Zero();      // V' slope
-    double product = 0.0;   // errors of a cell times errors of each touching cell and itself
-    double pairs = 0.0;     // weight of a cell times weight of each touching cell and itself
-    double expected = 0.0;  // expectation of `product` for tau² = 1 and without a fit
+    // Sum of the products of a cell's error with the errors of the cell itself and of each cell
+    // that touches it.
+    double product = 0.0;
+    // Sum of the products of a cell's weight with the weights of the cell itself and of each cell
+    // that touches it.
+    double pairs = 0.0;
+    // Expectation of `product` for a field with tau² = 1, before H is fitted.
+    double expected = 0.0;
   };
 
   /// A^-1, and A^-1 J'W K W J A^-1 for a field with tau² = 1 and for noise with sigma² = 1.
@@ -147,7 +161,7 @@ class SmoothField {
                     FieldFit& result);
 
   std::vector<Pair> pairs_;
-  std::vector<double> squared_;  // squared errors, for their median
+  std::vector<double> squared_;  // buffer for the squared errors, whose median is computed
   std::vector<std::pair<double, std::size_t>> by_x_;
   std::vector<Cell> cells_;
   std::size_t columns_ = 0;

@@ -11,11 +11,13 @@
 namespace ktgp_orb::homography {
 namespace {
 
-/// A projective basis: in homogeneous coordinates, x4 = sum of (area_i / whole) x_i for i = 1..3.
+/// A projective basis of four points x1..x4. In homogeneous coordinates, x4 is the sum of (area_i /
+/// whole) x_i for i = 1..3.
 struct Basis {
   Eigen::Matrix3d rows;  // row i is orthogonal to the two points other than x_i: x_j × x_k
-  Eigen::Vector3d area;  // doubled signed area of the triangle with x_i replaced by x4
-  double whole = 0.0;    // doubled signed area of the triangle x1 x2 x3
+  // area_i: doubled signed area of the triangle x1 x2 x3 after x_i was replaced by x4.
+  Eigen::Vector3d area;
+  double whole = 0.0;  // doubled signed area of the triangle x1 x2 x3
 
   explicit Basis(const FourPoints& p) {
     const Eigen::Vector3d x1 = p[0].homogeneous();
@@ -39,8 +41,9 @@ bool sameOrientation(const Basis& a, const Basis& b) {
 
 }  // namespace
 
-// With r_i the rows and a_i, b_i the areas of reference and target, and u_i the target points,
-// H = sum over i of (b_i / a_i) u_i r_i^T maps x_i to u_i and x4 to sum of b_i u_i = b_whole u4.
+// Let r_i be the rows of the reference basis, a_i and b_i the areas in reference and target, and
+// u_i the target points. Then H = sum over i of (b_i / a_i) u_i r_i^T maps x_i to u_i, and x4 to
+// the sum of b_i u_i, which is b_whole u4.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography) {
@@ -80,7 +83,7 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 }
 
 bool scaleLastToOne(Eigen::Matrix3d& homography) {
-  constexpr double kNearZero = 1e-9;  // share of the norm of H
+  constexpr double kNearZero = 1e-9;  // limit of H(2,2), as a share of the norm of H
   const bool possible = std::abs(homography(2, 2)) > kNearZero * homography.norm();
   homography /= possible ? homography(2, 2) : homography.norm();
   return possible;
@@ -198,8 +201,9 @@ Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d&
 }
 
 /// An upper bound for the covariance of the sum of two errors with covariances A and B and any
-/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The chosen s makes the bound exact if the
-/// two errors are proportional. It weighs each entry in units of its deviation.
+/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. We choose s so that the bound is exact if
+/// the two errors are proportional. In this choice, each entry is measured in units of its standard
+/// deviation.
 Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
   double of_a = 0.0;
   double of_b = 0.0;

@@ -10,8 +10,8 @@
 
 namespace ktgp_orb::homography {
 
-/// Inline version of reprojectionError() for the loops of the core, in which a call for each pair
-/// would take longer than the arithmetic.
+/// Inline version of reprojectionError() for the loops of the core, where a function call for each
+/// pair would take longer than the arithmetic.
 inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                       const Eigen::Vector2d& target) {
   const Eigen::Vector3d p = homography * reference.homogeneous();
@@ -21,17 +21,18 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
 using FourPoints = std::array<Eigen::Vector2d, 4>;
 
 /// Computes the homography that maps four reference points to four target points, in closed form.
-/// Returns false, before solving, if it cannot be the view of a plane from one side, because a
-/// triangle of three of the points is flat (its doubled area is below the minimum: collinear or
-/// duplicate points) or has opposite orientations in the two images. On success H x has a positive
-/// third coordinate at the four points.
+/// Returns false, without solving, if the homography cannot be the view of a plane from one side.
+/// This is so if a triangle of three of the points is flat (its doubled area is below the minimum,
+/// because points are collinear or equal), or if it has opposite orientations in the two images. On
+/// success, H x has a positive third coordinate at the four points.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography);
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// Jacobian of the mapped point with respect to H's first eight entries, row by row, H(2,2) fixed.
+/// Jacobian of the mapped point with respect to H's first eight entries, row by row; H(2,2) is
+/// fixed.
 Eigen::Matrix<double, 2, 8> jacobianByEntries(const Eigen::Matrix3d& homography,
                                               const Eigen::Vector2d& point);
 
@@ -41,7 +42,8 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 /// Scales H to H(2,2) = 1. If H(2,2) is too close to 0, scales H to norm 1 and returns false.
 bool scaleLastToOne(Eigen::Matrix3d& homography);
 
-/// Corners of the image, px; corners of the bounding box of the points if the size is empty.
+/// Corners of the image, px. If the size is empty, returns the corners of the bounding box of the
+/// points.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
 /// True if H can show the plane over the whole image from one side: it mirrors nothing (det H >
@@ -55,27 +57,29 @@ Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
 /// Share of an image of `size` that the same image warped by H covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
 
-/// Uncertainty of H: the largest standard deviation of the mapped corners in the target, and of the
-/// corners mapped back in the reference.
+/// Uncertainty of H at the corners of the image. `target`: largest standard deviation of a corner
+/// mapped to the target. `reference`: largest standard deviation of a target point mapped back to a
+/// corner of the reference.
 struct CornerDeviation {
   double target = 0.0;
   double reference = 0.0;
 };
 
-/// Propagates the covariance of H's first eight entries, with H(2,2) = 1, to the corners. A
-/// deviation is the root of the trace of a corner's covariance, in units of H; infinite if
-/// undefined.
+/// Propagates the covariance of H's first eight entries, with H(2,2) = 1, to the corners. The
+/// deviation of a corner is the square root of the trace of its covariance, in the units of H;
+/// infinite if it is undefined.
 CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
                                 const FourPoints& corners);
 
-/// The product that applies `first`, then `second`, with its covariance to first order. Covariances
-/// of noise add. Deviations of shared errors add, because the same error twice has twice the
-/// deviation and four times the variance.
+/// The homography that applies `first` and then `second`, with its covariance to first order.
+/// Covariances of noise add. Deviations of shared errors add, because the same error twice has
+/// twice the deviation and four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
-/// Calls `visit` for each scalar field of an answer (UncertainHomography), with the name of the
-/// field and the field of each of the `holders`: answers, messages, or none.
+/// Calls `visit` for each scalar field of an answer (UncertainHomography). The arguments are the
+/// name of the field, and this field of each of the `holders`, which are answers or messages (there
+/// may be none).
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit("plane_deviation", holders.plane_deviation...);

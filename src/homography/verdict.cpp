@@ -15,9 +15,9 @@ using util::kPi;
 
 namespace {
 
-constexpr double kLogMaxFalseAlarms = -4.0;  // log10 of NFA
+constexpr double kLogMaxFalseAlarms = -4.0;  // log10 of the largest accepted NFA
 
-/// Does what label() does, and calls visit(index, squared error in px²) for each inlier.
+/// Sets `result` as label() does, and calls visit(index, squared error in px²) for each inlier.
 template <typename Visit>
 void labelEach(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
                ProsacResult& result, const Visit& visit) {
@@ -41,9 +41,9 @@ void labelEach(const UncertainHomography& answer, const PointPairs& pairs, doubl
 bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
                                const cv::Size& reference_size, double threshold,
                                ProsacResult& result) {
-  // A wrong homography seldom shows the whole image from one side. A plane that is only partly in
-  // view lacks this evidence, so its inliers must be more significant.
-  constexpr double kLogMaxOfAPart = -12.0;  // log10 of NFA
+  // A wrong homography seldom shows the whole image from one side. If a plane is only partly in
+  // view, this evidence is missing, so its inliers must be more significant.
+  constexpr double kLogMaxOfAPart = -12.0;  // log10 of the largest accepted NFA
   const FourPoints corners = imageCorners(reference_size, pairs.reference);
   const Eigen::Matrix3d view = facing(answer.homography);
   double farthest = 0.0;
@@ -65,8 +65,9 @@ bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPai
 bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold,
                                             double log_limit) {
   const double covered_area = estimation::coveredArea(pairs.target);
-  // The bound on NFA holds for any order of the inliers, with the largest error so far. Good
-  // homographies pass after a few inliers in the order of the input; only poor ones need sorting.
+  // The bound on NFA holds for any order of the inliers, if the largest error of the inliers
+  // counted so far is used. Good homographies pass after a few inliers in the order of the input.
+  // Only for poor homographies, the inliers must be sorted.
   if (!explainable(pairs, threshold, covered_area, log_limit)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;
@@ -80,7 +81,7 @@ bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold, d
   constexpr std::size_t kSample = HomographyProblem::kSample;
   estimation::FalseAlarms false_alarms(kSample, pairs.size());
   const double apart2 = threshold * threshold;
-  double largest = 0.0;  // squared error, px²
+  double largest = 0.0;  // largest squared error of the inliers so far, px²
   counted_.clear();
   for (const std::size_t candidate : inliers_) {
     const auto is_apart = [&](std::size_t other) {

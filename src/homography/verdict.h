@@ -9,21 +9,22 @@
 
 namespace ktgp_orb::homography {
 
-/// Verdict on a homography that PROSAC or growth found. It trusts a homography that shows its
-/// inliers from one side, if chance does not explain them. Chance is excluded if NFA(k) < 1e-4 for
-/// some k, or < 1e-12 if the horizon crosses the reference, as in the picture of a street. A random
-/// target point in the area A of the target points agrees within e with probability p = pi e² / A;
-/// e is at least 1/sqrt(pi) px.
+/// Verdict on a homography that PROSAC or growth found. A homography is trusted if it shows its
+/// inliers from one side and if chance does not explain them. Chance is excluded if NFA(k) < 1e-4
+/// for some k, or < 1e-12 if the horizon crosses the reference, as in the picture of a street. A
+/// random target point in the area A of the target points agrees within the error e with the
+/// probability p = pi e² / A; e is at least 1/sqrt(pi) px.
 ///
 /// An inlier counts only if it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
-/// support a homography once. Four pairs are never enough. Five exact pairs are enough, and so are
-/// six of eight at 3 px. Keeps its buffers.
+/// support a homography only once. Four pairs are never enough. Five exact pairs are enough, and so
+/// are six of eight pairs with errors of 3 px. Keeps its buffers.
 class HomographyVerdict {
  public:
-  /// `pairs`: the matches that the homography, in px, is compared with; `threshold`: inliers have a
-  /// smaller reprojection error, px. `reference_size` may be empty (see imageCorners).
-  /// Always labels `result` with the homography (see label), since label needs the same errors.
+  /// Returns whether the homography of `answer`, in px, can be trusted. `pairs`: the matches that
+  /// it is compared with; `threshold`: inliers have a smaller reprojection error, px.
+  /// `reference_size` may be empty (see imageCorners). Always labels `result` with the homography
+  /// (see label), since label needs the same errors.
   bool trusts(const UncertainHomography& answer, const PointPairs& pairs,
               const cv::Size& reference_size, double threshold, ProsacResult& result);
 
@@ -32,16 +33,17 @@ class HomographyVerdict {
   bool explainable(const PointPairs& pairs, double threshold, double covered_area,
                    double log_limit);
 
-  std::vector<double> squared_error_;  // by pair, px²; set only for inliers
+  std::vector<double> squared_error_;  // squared error of each pair, px²; set only for inliers
   std::vector<std::size_t> inliers_;
-  std::vector<std::size_t> counted_;  // inliers that count, apart from each other
+  // Indices of the inliers that count, which are far enough from each other.
+  std::vector<std::size_t> counted_;
 };
 
 /// Throws std::invalid_argument for arrays of different length and for values that are not finite.
 void requireFinite(const PointPairs& pairs);
 
-/// Sets answer, mask, inliers and RMSE of `result` from a homography. PROSAC, growth and the
-/// search for targets get these values from here. `max_error`: inliers have a smaller error, px.
+/// Sets answer, mask, inliers and RMSE of `result` from a homography. PROSAC, growth and the search
+/// for targets use this function. `max_error`: inliers have a smaller error, px.
 void label(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
            ProsacResult& result);
 

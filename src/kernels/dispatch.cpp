@@ -1,5 +1,5 @@
-// The vector code of all stages. It is compiled for each instruction set, and one is chosen at run
-// time.
+// The vector code of all stages. It is compiled for each instruction set, and one instruction set
+// is chosen at run time.
 #include "kernels/kernels.h"
 #include "util/highway_targets.h"
 
@@ -43,7 +43,8 @@ Kernels makeKernels() {
   if (hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
 #if !HWY_NATIVE_FMA
-  // The blur is defined with fused multiply-adds, which the portable loop emulates.
+  // The blur is defined with fused multiply-adds. This instruction set has none, so the portable
+  // loop, which emulates them, is used.
   set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;
   set.orb.blur_across_rows = orb::portableOrbKernels().blur_across_rows;
 #endif

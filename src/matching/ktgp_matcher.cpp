@@ -46,7 +46,7 @@ void clearTwoView(MatchResult& result) {
   util::resetKeeping(&TwoView::mask, two_view.view);
 }
 
-/// Removes the geometry from the result, and keeps the buffers.
+/// Removes the geometry from the result, but keeps the memory of its buffers.
 void clearGeometry(MatchResult& result) {
   util::resetKeeping(&ProsacResult::mask, result.prosac);
   result.found_by = FoundBy::none;
@@ -78,7 +78,7 @@ class Chain {
         alignment_(given.alignment, given.prosac.max_error),
         two_view_(twoViewOptions(given)) {}
 
-  /// Lists the stages that are on; none of them has run.
+  /// Lists the stages that are on, as stages that have not run yet.
   static void nameStages(const MatcherOptions& options, MatchResult& result);
   void run(const Features& reference, const Features& target, const MatchHints& hints,
            MatchResult& result);
@@ -92,17 +92,20 @@ class Chain {
     const Features& target;
     const MatchHints& hints;
     MatchResult& result;
-    bool wants_homography = true;        ///< no other geometry has explained the matches
-    std::optional<GrowthStart> doubt{};  ///< PROSAC's homography, if growth has to judge it
+    /// False if an epipolar geometry explains the matches, or if the options want no homography.
+    bool wants_homography = true;
+    /// PROSAC's homography, if it is doubtful and growth must judge it.
+    std::optional<GrowthStart> doubt{};
     bool haveEnough() const { return reference.size() >= 2 && !target.empty(); }
   };
   struct Stage {
     StageId id;
     bool (*is_on)(const MatcherOptions& options);
-    /// Runs the stage, and sets its input and output. Returns false if this pair does not need it.
+    /// Runs the stage, and sets the input and output of its StageResult. Returns false if this pair
+    /// does not need the stage.
     bool (Chain::*run)(Context& context, StageResult& stage);
   };
-  static const Stage kStages[];  // in the order in which they run
+  static const Stage kStages[];  // all stages, in the order in which they run
   static const Stage* const kProsacStage;
 
   void runStages(const Stage* first, Context& context);
@@ -131,11 +134,11 @@ class Chain {
   homography::HomographyVerdict verdict_;
   growth::ShiftVotes shifts_;
   matching::Standing standing_;
-  PointPairs pairs_;                            // the matches that passed GMS
-  ProsacResult labelled_;                       // labels of a candidate
+  PointPairs pairs_;       // the matches that passed GMS
+  ProsacResult labelled_;  // labels (inlier or not) of the pairs for a candidate homography
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
-  std::vector<std::uint8_t> taken_;             // target keypoints that are inliers
-  std::vector<Correspondence> matches_;         // matches to align
+  std::vector<std::uint8_t> taken_;  // for each target keypoint, 1 if it is an inlier of the answer
+  std::vector<Correspondence> matches_;  // matches that the alignment starts from
 };
 
 bool always(const MatcherOptions& /*options*/) {
@@ -189,7 +192,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   result.geometry = turned ? Geometry::rotation : Geometry::plane;
 }
 
-/// Runs all stages from `first` on.
+/// Runs `first` and all stages after it.
 void Chain::runStages(const Stage* first, Context& context) {
   std::vector<StageResult>& stages = context.result.stages;
   for (const Stage* stage = first; stage != std::end(kStages); ++stage) {
@@ -201,8 +204,8 @@ void Chain::runStages(const Stage* first, Context& context) {
   }
 }
 
-/// Whether most matches stand still, as hot pixels do, while others agree that the scene moves. If
-/// so, drops the matches that stand still.
+/// Whether the best homography stands still, as hot pixels do, while other matches agree that the
+/// scene moves. If so, drops the matches that stand still.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;
@@ -217,7 +220,7 @@ bool Chain::sceneMoves(Context& context) {
   return true;
 }
 
-/// The output is the number of target features with a neighbour.
+/// The output of this stage is the number of target features that have a neighbour.
 bool Chain::runKnn(Context& context, StageResult& stage) {
   const Features& reference = context.reference;
   const Features& target = context.target;
@@ -254,7 +257,8 @@ bool Chain::runGms(Context& context, StageResult& stage) {
   return true;
 }
 
-/// The two-view geometry is the result if the scene has depth, or if no homography is wanted.
+/// Estimates the two-view geometry. It becomes the result if the scene has depth, or if no
+/// homography is wanted.
 bool Chain::runTwoView(Context& context, StageResult& stage) {
   const MatchHints& hints = context.hints;
   MatchResult& result = context.result;
@@ -310,12 +314,13 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
   return true;
 }
 
-/// PROSAC's homography, if it is doubtful: so few matches agree with it that a repetitive
-/// structure, such as the windows of a house, may have misled PROSAC, or the matches show a
-/// repetition. Empty otherwise.
+/// Returns PROSAC's homography if it is doubtful, otherwise an empty value. It is doubtful if few
+/// matches agree with it, since a repetitive structure, such as the windows of a house, may have
+/// misled PROSAC. It is also doubtful if the matches show a repetition.
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
-  constexpr std::size_t kOneIn = 8;  // less than one inlier in this many matches is doubtful
+  // A homography with less than one inlier in this many matches is doubtful.
+  constexpr std::size_t kOneIn = 8;
   const MatchResult& result = context.result;
   const std::size_t inliers = result.prosac.inliers;
   if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
@@ -332,8 +337,9 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   return start;
 }
 
-/// Grows a homography if PROSAC found none in the whole image. A doubtful homography must be as
-/// significant as the grown ones, which must not contradict it.
+/// Grows a homography if PROSAC found none in the whole image, or if PROSAC's homography is
+/// doubtful. The doubtful homography is kept only if it is as significant as the grown homographies
+/// and none of them contradicts it.
 bool Chain::runGrowth(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;
@@ -382,11 +388,11 @@ bool Chain::runAlignment(Context& context, StageResult& stage) {
   return true;
 }
 
-/// Makes `candidate` the answer, with mask, inliers and RMSE derived from it. Returns false,
-/// without any change, if the verdict rejects it.
+/// Makes `candidate` the answer, and derives the mask, the inliers and the RMSE from it. Returns
+/// false, without any change, if the verdict rejects it.
 ///
-/// The verdict on a grown homography uses the pairs of the growth, since too few of the matches are
-/// right. A homography derived from it must still agree with these pairs.
+/// If the homography was grown, too few of the matches are right for the verdict, so the verdict
+/// uses the pairs of the growth. A refined homography must still agree with these pairs.
 bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
   const MatchResult& result = context.result;
   const bool grown = result.found_by == FoundBy::growth;
@@ -401,8 +407,9 @@ bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
   return true;
 }
 
-/// Sets the answer and everything that belongs to it: levels, the guided matches that agree,
-/// inliers and RMSE. `found`: the answer with its labels for the pairs that passed GMS.
+/// Sets the answer and the values that follow from it: the levels of the matches, the guided
+/// matches that agree with it, the inliers and the RMSE. `found`: the answer with its labels for
+/// the pairs that passed GMS.
 void Chain::setAnswer(const ProsacResult& found, Context& context) {
   const Features& reference = context.reference;
   const Features& target = context.target;

@@ -8,9 +8,10 @@
 namespace ktgp_orb {
 namespace {
 
-/// The options for images of this many pixels.
+/// Feature options for an image with this number of pixels.
 OrbOptions orbFor(const PairOptions& options, std::size_t pixels) {
-  constexpr double kMost = 8000.0;  // features; matching time grows with their square
+  // Maximum number of features; the time for matching grows with the square of this number.
+  constexpr double kMost = 8000.0;
   OrbOptions orb = options.orb;
   if (options.features_by_area) {
     const double megapixels = std::max(1.0, 1e-6 * static_cast<double>(pixels));

@@ -11,16 +11,16 @@ namespace {
 
 using util::position;
 
-// A keypoint lies on a whole pixel of its level. So a still keypoint may move by one pixel in the
-// lower levels, where hot pixels are.
+// Keypoints are found at whole pixels of a pyramid level. So a still keypoint may move by one pixel
+// in the lower levels, where hot pixels are.
 constexpr double kStands = 0.7;  // px
 constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
 
-/// Side of a pixel, px, on the coarser pyramid level of the two keypoints of a match. If the scene
-/// moves by less than this, its keypoints stand still or move by one whole pixel of the level, all
-/// in one direction.
+/// Side of a pyramid pixel, px, on the coarser of the levels of the two keypoints of a match. If
+/// the scene moves by less than this, its keypoints stand still or move by one whole pixel of the
+/// level, all in one direction.
 double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
-  constexpr float kFinest = 31.F;  // size of a keypoint on the finest level
+  constexpr float kFinest = 31.F;  // size of a keypoint on the finest level, px
   const auto size = [](const Features& features, std::int32_t index) {
     return features.keypoints[static_cast<std::size_t>(index)].size;
   };
@@ -77,10 +77,15 @@ void Standing::collect(const Features& reference, const Features& target,
 }
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  constexpr std::size_t kLeast = 20;     // matches; chance gives ten at most
-  constexpr double kLeastShare = 0.05;   // share of the number of still points
-  constexpr double kLeastSpread = 0.75;  // share of still points' spread; half an image has 0.76
-  constexpr double kFarthest = 0.5;      // distance of the centres in spreads; two halves have 0.9
+  constexpr std::size_t kLeast = 20;  // minimum number of moving matches; chance gives at most ten
+  // Minimum number of moving matches, as a share of the number of still matches.
+  constexpr double kLeastShare = 0.05;
+  // Minimum spread of moving matches, as a share of the spread of still matches; matches in half an
+  // image have 0.76.
+  constexpr double kLeastSpread = 0.75;
+  // Maximum distance of the two centres, in spreads of still matches; matches in two halves have
+  // 0.9.
+  constexpr double kFarthest = 0.5;
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] != 0) agreeing_.push_back(moving_.reference[i]);

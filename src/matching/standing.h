@@ -11,14 +11,14 @@
 
 namespace ktgp_orb::matching {
 
-/// Separates the matches of two images of one size that stand still, as hot pixels, dirt on the
-/// lens and burned-in text do, from the matches that move.
+/// Separates the matches of two images of equal size into matches that stand still and matches that
+/// move. Hot pixels, dirt on the lens and burned-in text stand still.
 class Standing {
  public:
-  /// Whether the homography leaves the whole image where it is.
+  /// Whether the homography leaves the whole image in place.
   static bool standsStill(const Eigen::Matrix3d& homography, const Features& reference,
                           const Features& target);
-  /// Divides the matches that passed GMS into those that stand still and those that move.
+  /// Divides the matches that passed GMS into matches that stand still and matches that move.
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
@@ -26,11 +26,11 @@ class Standing {
   /// part of the image where the other matches stand still. An object that moves in front of a
   /// still camera covers less of the image.
   bool isScene(const std::vector<std::uint8_t>& mask);
-  /// Lowers the level of matches that do not move to kt.
+  /// Lowers matches that do not move to Level::kt.
   static void drop(const Features& reference, const Features& target,
                    std::vector<Correspondence>& matches);
-  /// Number of matches that passed the ratio filter and stand still where the homography says that
-  /// the scene moves.
+  /// Number of matches that passed the ratio filter and stand still at places where the homography
+  /// moves the scene.
   static std::size_t count(const Eigen::Matrix3d& homography, const Features& reference,
                            const Features& target, const std::vector<Correspondence>& matches);
 

@@ -130,7 +130,8 @@ double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   double last = 0.0;
   for (const double error : sorted) {
     if (error >= threshold) break;
-    area += (share + 0.5) * (error - last);  // mean of the counts at both ends
+    // The height is the mean of the counts at both ends of the interval.
+    area += (share + 0.5) * (error - last);
     share += 1.0;
     last = error;
   }

@@ -10,9 +10,10 @@
 namespace ktgp_orb::metrics {
 namespace {
 
-constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
+// Radius of the reference region in the target image after the normalisation, px.
+constexpr double kNormalisedRadius = 30.0;
 
-/// The set of points x with (x - centre)^T shape (x - centre) <= 1.
+/// An ellipse: the set of points x with (x - centre)^T shape (x - centre) <= 1.
 struct Ellipse {
   Eigen::Vector2d centre;
   Eigen::Matrix2d shape;
@@ -21,7 +22,8 @@ struct Ellipse {
   double halfHeight() const { return std::sqrt(shape(0, 0) / shape.determinant()); }
 };
 
-/// The left and the right end of a horizontal chord. If there is none, right < left.
+/// The x coordinates of the left and the right end of a horizontal chord. If there is no chord,
+/// right < left.
 std::pair<double, double> chordAt(const Ellipse& e, double y) {
   const double v = y - e.centre.y();
   const double a = e.shape(0, 0);
@@ -33,7 +35,8 @@ std::pair<double, double> chordAt(const Ellipse& e, double y) {
   return {middle - half, middle + half};
 }
 
-/// Area of the intersection, from the exact chords at `rows` heights by the midpoint rule.
+/// Area of the intersection. It is integrated by the midpoint rule from the exact chords at `rows`
+/// heights.
 double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   const double top = std::max(a.centre.y() - a.halfHeight(), b.centre.y() - b.halfHeight());
   const double bottom = std::min(a.centre.y() + a.halfHeight(), b.centre.y() + b.halfHeight());
@@ -49,8 +52,8 @@ double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   return area;
 }
 
-/// Scales the regions to the normalised radius, but not the distance of their centres; else large
-/// regions would always repeat.
+/// Scales both regions so that the first region gets the normalised radius. The distance of their
+/// centres is not scaled, because otherwise large regions would always repeat.
 double overlapError(Ellipse a, Ellipse b, int rows) {
   const double factor = kNormalisedRadius * kNormalisedRadius * util::kPi / a.area();
   a.shape /= factor;
@@ -72,7 +75,8 @@ Eigen::Matrix2d discShape(const cv::KeyPoint& keypoint) {
   return Eigen::Matrix2d::Identity() / (radius * radius);
 }
 
-/// The disc of a keypoint mapped by `homography`, which is linearised at the centre of the disc.
+/// The disc of a keypoint, mapped by `homography`. The homography is linearised at the centre of
+/// the disc.
 Ellipse mappedDisc(const Eigen::Matrix3d& homography, const cv::KeyPoint& keypoint) {
   const Eigen::Vector3d p = homography * positionOf(keypoint).homogeneous();
   const Eigen::Vector2d centre = p.head<2>() / p.z();
@@ -105,16 +109,18 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
     }
   }
 
-  // Overlap error, index of the reference region and index of the target region.
+  // Each candidate: overlap error, index of the reference region and index of the target region.
   std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
   for (std::size_t r = 0; r < mapped.size(); ++r) {
     for (std::size_t t = 0; t < found.size(); ++t) {
       const double distance = (mapped[r].centre - found[t].centre).norm();
-      // Rejects most pairs: regions too far apart or too different in size cannot overlap enough.
+      // This test rejects most pairs: regions too far apart or too different in size cannot overlap
+      // enough.
       if (distance > 2.0 * kNormalisedRadius) continue;
       const double ratio = mapped[r].area() / found[t].area();
       if (std::min(ratio, 1.0 / ratio) < 1.0 - max_overlap_error) continue;
-      // A few rows are accurate to 3 %, which is enough to reject; 64 rows to 0.1 %.
+      // Eight rows give the error to 3 %, which is enough to reject most pairs; 64 rows give it to
+      // 0.1 %.
       if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
       const double error = overlapError(mapped[r], found[t], 64);
       if (error <= max_overlap_error) candidates.emplace_back(error, r, t);

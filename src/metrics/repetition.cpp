@@ -9,16 +9,17 @@ namespace ktgp_orb::metrics {
 
 namespace {
 
-constexpr double kAlike = 0.6;  // correlation; a tilted checkerboard has 0.65 to 0.95
+constexpr double kAlike = 0.6;  // minimum correlation; a tilted checkerboard reaches 0.65 to 0.95
 
 bool isPlain(const cv::Mat& picture) {
-  constexpr double kLeastContrast = 1.0;  // grey levels; else OpenCV finds the part everywhere
+  // Grey levels; with less contrast, OpenCV finds the part everywhere.
+  constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
   return deviation[0] < kLeastContrast;
 }
 
-/// Shifts by which `part` of `picture` looks like a part of `other`; see alikeShifts().
+/// Shifts, px, by which `part` of `picture` looks like a part of `other`; see alikeShifts().
 std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, const cv::Mat& other,
                                 double least) {
   if (isPlain(picture(part))) return {{0, 0}};
@@ -42,7 +43,8 @@ std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, co
   return shifts;
 }
 
-/// Normalised correlation of the picture and its copy moved by `shift`, over their common area.
+/// Normalised correlation of the picture and a copy of it moved by `shift`, over the area that both
+/// cover.
 double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   const cv::Rect all({0, 0}, picture.size());
   const cv::Rect moved = all & (all + shift);
@@ -53,18 +55,19 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   return correlation.at<float>(0, 0);
 }
 
-/// The picture without its slow variations of brightness, because these look alike everywhere.
+/// Removes the slow variations of brightness from the picture, because these look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // share of the longer side
+  constexpr double kSlow = 0.08;  // standard deviation of the blur, as a share of the longer side
   cv::Mat shades, rest;
   cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);
   return rest;
 }
 
-/// Shifts of up to kLongestPeriod of the sides. The two upper corners of the picture, each two
-/// fifths of the sides long, are compared with the picture. Two corners are enough for all
-/// directions, since a period also exists in the opposite direction.
+/// Shifts, px, of up to kLongestPeriod of the sides by which the picture looks like itself. Each of
+/// the two upper corners of the picture, two fifths of the sides long, is compared with the whole
+/// picture. Two corners are enough for all directions, since a period also exists in the opposite
+/// direction.
 std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
   constexpr double kPart = 1.0 - kLongestPeriod;
   const cv::Mat detail = withoutShades(picture);
@@ -94,8 +97,10 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
 }
 
 double shortestPeriod(const cv::Mat& picture) {
-  constexpr double kCopySide = 192.0;  // px; a period of 2 % of it is nearly four px long
-  constexpr double kLeast = 0.02;      // share of the longer side; shorter shifts are no period
+  // Longer side of the reduced copy, px; a period of 2 % of this side is nearly four px long.
+  constexpr double kCopySide = 192.0;
+  // Share of the longer side; a shorter shift does not count as a period.
+  constexpr double kLeast = 0.02;
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };
   cv::Mat copy;

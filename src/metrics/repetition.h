@@ -6,18 +6,21 @@
 namespace ktgp_orb::metrics {
 
 /// Shifts, px, by which the middle of `picture` (half the width and height) looks like a part of
-/// `other`: local maxima of the normalised correlation of at least `least`, the best first. Only
-/// {0, 0} if the middle has a single grey level. Both are CV_8UC1; `other` may be `picture`.
+/// `other`. They are the local maxima of the normalised correlation that are at least `least`, the
+/// best first. Returns only {0, 0} if the middle has a single grey level. Both pictures are
+/// CV_8UC1; `other` may be `picture`.
 std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least);
 
-/// Periods longer than this share of the sides are not found: the overlap is too small.
+/// Longest period that can be found, as a share of the sides. With a longer period the overlap is
+/// too small.
 constexpr double kLongestPeriod = 0.6;
 
-/// Whether a CV_8UC1 picture looks like itself moved by `shift`, px. True if the shift is too long.
+/// Whether a CV_8UC1 picture looks like itself moved by `shift`, px. Returns true, too, if the
+/// shift is too long to tell.
 bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift);
 
-/// The shortest shift, px, by which a CV_8UC1 picture looks like itself, from 2 % of its longer
-/// side up to kLongestPeriod; 0 if there is none.
+/// The shortest shift, px, by which a CV_8UC1 picture looks like itself. Shifts from 2 % of its
+/// longer side up to kLongestPeriod are tried. Returns 0 if there is none.
 double shortestPeriod(const cv::Mat& picture);
 
 }  // namespace ktgp_orb::metrics

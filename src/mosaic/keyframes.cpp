@@ -14,8 +14,9 @@ namespace {
 constexpr std::size_t kTriesOnPath = 2;
 constexpr std::size_t kTriesLost = 4;
 constexpr double kLeastOverlap = 0.2;
-constexpr std::size_t kLeastInliers =
-    30;  // more than the verdict requires, since a keyframe's position is final
+// More inliers than the verdict of a match requires, since the position of a keyframe is never
+// corrected.
+constexpr std::size_t kLeastInliers = 30;
 
 }  // namespace
 
@@ -68,7 +69,7 @@ std::vector<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     if (chained) hints.prediction = guess / guess(2, 2);
     matcher_.match(keyframe->features, features, hints, result_);
     if (result_.homographyStatus() != Status::ok || result_.inliers < kLeastInliers) continue;
-    constexpr double kFrames = 20.0;  // length of the running mean
+    constexpr double kFrames = 20.0;  // matches over which the running mean averages
     plane_deviation_ += (result_.answer.plane_deviation - plane_deviation_) / kFrames;
     places.emplace_back(result_.answer.homography * keyframe->from_map);
     if (chained) break;

@@ -18,10 +18,11 @@ class Keyframes {
 
   void setOptions(const MatcherOptions& options) { matcher_ = KtgpMatcher(options); }
 
-  /// Finds the position of a frame by a match to the keyframe that covers most of it; if that
-  /// fails, to the next ones. `expected`: map -> frame, roughly. `chained`: `expected` follows from
-  /// the previous frame, so one match is enough. Otherwise it is a guess, and the result has the
-  /// position by each of the nearest keyframes that match. Empty if none matches.
+  /// Finds the position of a frame, map -> frame. Matches the frame to the keyframe that covers
+  /// most of it; if this match fails, to keyframes that cover less. `expected`: rough position of
+  /// the frame. `chained`: `expected` follows from the previous frame, so one match is enough.
+  /// Otherwise `expected` is a guess, and the result has one position for each of the nearest
+  /// keyframes that match. Empty if no keyframe matches.
   std::vector<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
                                       bool chained);
 
@@ -29,17 +30,17 @@ class Keyframes {
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
 
   void add(Features features, const Eigen::Matrix3d& from_map);
-  /// Changes all positions, map -> frame.
+  /// Replaces the position of each keyframe, map -> keyframe, by the result of `to`.
   void move(const std::function<Eigen::Matrix3d(const Eigen::Matrix3d&)>& to);
   std::size_t size() const { return keyframes_.size(); }
   void clear();
-  /// Running mean of the deviations from a plane between located frames and their keyframes, px.
+  /// Running mean, over the matches to keyframes, of the deviation of the pairs from a plane, px.
   double planeDeviation() const { return plane_deviation_; }
 
  private:
   struct Keyframe {
     Features features;
-    Eigen::Matrix3d from_map;  // map -> keyframe, px
+    Eigen::Matrix3d from_map;  // homography map -> keyframe, px
   };
   double overlap(const Keyframe& keyframe, const cv::Size& size,
                  const Eigen::Matrix3d& from_map) const;

@@ -30,24 +30,27 @@ constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is
 // A frame becomes a keyframe when the keyframes cover less than this share of it: enough for a sure
 // match of the next one.
 constexpr double kKeyframeOverlap = 0.6;
-// A frame is drawn if the view has moved by this share of its width. Less would hardly be visible.
+// A frame is drawn if the view has moved by at least this share of the frame's width. A smaller
+// motion would hardly be visible.
 constexpr double kLeastMotion = 0.03;
-// Frames without a connection are searched for in the map for this time (s), and for at least this
-// many frames: photographs come seldom, and one or two may be blurred.
+// Lost frames are searched for in the map for this time, s, and for at least this many frames,
+// before a new map begins. The number matters for photographs, which come seldom: one or two of
+// them may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
-constexpr std::int64_t kPredictable = 100'000'000;  // ns; within it 3 m/s² move a camera by 15 mm
-// If two keyframes predict places of the frame that are farther apart than this share of its
-// shorter side, the ground has two places that look alike. (Repetition at shorter distances is
-// detected in the frame itself.) Smaller differences are normal: keyframes of a large map may have
-// drifted apart by some px.
+// Longest time of a prediction, ns; an acceleration of 3 m/s² moves a camera by 15 mm in this time.
+constexpr std::int64_t kPredictable = 100'000'000;
+// If two keyframes predict places of the frame that are farther apart than this share of the
+// frame's shorter side, the ground has two places that look alike. (Repetition at shorter distances
+// is detected in the frame itself.) Smaller differences are normal: keyframes of a large map may
+// have drifted apart by some px.
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
 // A frame that is so many times farther off a turn than testTurn() allows has moved.
 constexpr double kMoved = 4.0;
-// Homographies of a map that are kept to tell a turn, and between which distances of the middle
-// from that of the first frame, in widths, they are asked.
+// Number of poses that are kept for testTurn(). The test is repeated while the distance between the
+// middles of the newest and the first frame is between kFirstTest and kLastTest, in frame widths.
 constexpr std::size_t kTurnPoses = 20;
 constexpr double kFirstTest = 0.25;
 constexpr double kLastTest = 4.0;
@@ -97,18 +100,19 @@ struct Mosaic::Impl {
   cv::Mat seen;     // newest frame (BGR) if it is not drawn yet; image() draws it
   std::optional<Eigen::Matrix3d> seen_pose;
 
-  std::optional<Eigen::Matrix3d> last;      // map -> the last frame with a known position
-  std::int64_t last_stamp = 0;              // stamp of that frame
-  std::optional<Features> last_features;    // features of that frame, unless it is a keyframe
+  std::optional<Eigen::Matrix3d> last;  // map -> the last frame with a known position
+  std::int64_t last_stamp = 0;          // stamp of the frame of `last`
+  // Features of the frame of `last`, unless it is a keyframe.
+  std::optional<Features> last_features;
   std::optional<Eigen::Vector2d> velocity;  // velocity of the frame's middle, px of the map per ns
   std::optional<Eigen::Matrix3d> pose;      // pose of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // pose of the last drawn frame
   std::int64_t followed = 0;                            // stamp of the newest homography
-  std::int64_t interval = 0;                            // ns between two homographies
+  std::int64_t interval = 0;                            // usual time between two homographies, ns
   std::int64_t after_gap = 0;  // stamp of the last homography that came late
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
-  int lost_frames = 0;  // frames lost since lost_since
+  int lost_frames = 0;  // number of frames lost since lost_since
   LostBecause reason = LostBecause::nothing;
   int unchecked = 0;  // frames since the last match to a keyframe
   bool is_full = false;
@@ -158,7 +162,8 @@ struct Mosaic::Impl {
   }
 
   bool hasRoom() const {
-    // This number is enough for a map without gaps, and a limit for a camera over one place.
+    // This number of keyframes is enough for a map without gaps. It bounds the memory if the camera
+    // stays over one place.
     const double most = 1e6 * options.max_megapixels / (0.3 * size.area());
     return options.keyframes && !is_full && keyframes.size() < static_cast<std::size_t>(most) + 1;
   }
@@ -172,7 +177,8 @@ struct Mosaic::Impl {
     return false;
   }
 
-  /// The map -> frame homography along the path from the last placed frame.
+  /// The homography map -> frame that follows from the last placed frame by the chain of
+  /// homographies.
   std::optional<Eigen::Matrix3d> chained(std::int64_t stamp) const {
     if (!last) return std::nullopt;
     const auto step = path.between(last_stamp, stamp);
@@ -185,7 +191,8 @@ struct Mosaic::Impl {
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
-  /// Notes a homography that comes late: it may lead over several periods of repetitive ground.
+  /// Remembers a homography that comes late, since the frame may have moved by several periods of
+  /// repetitive ground.
   void noteGap(std::int64_t stamp) {
     constexpr std::int64_t kLate = 3;  // intervals
     const std::int64_t passed = stamp - followed;
@@ -199,9 +206,10 @@ struct Mosaic::Impl {
     return velocity && stamp - last_stamp < kPredictable;
   }
 
-  /// Whether the pose may be wrong by a period of repetitive ground: it is more than half a period
-  /// from the prediction by the last velocity. If that velocity is old, or the frame has moved by
-  /// half a period since, the chain of homographies predicts. True if neither is known.
+  /// Whether the pose may be wrong by a period of repetitive ground, because it is more than half a
+  /// period away from the prediction. The last velocity gives the prediction. If the last velocity
+  /// is too old, or the frame should have moved by half a period since then, the chain of
+  /// homographies gives the prediction. True if there is no prediction.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -223,9 +231,9 @@ struct Mosaic::Impl {
     return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
   }
 
-  /// Chooses between the places by the map and by the chain of homographies. If the ground looks
-  /// the same at both, takes the place nearer to the prediction of the last velocity, or none if
-  /// the last placed frame is too old. Otherwise takes the place by the map.
+  /// Chooses between the places that the map and the chain of homographies give. If the ground
+  /// looks the same at both places, takes the place nearer to the prediction by the last velocity,
+  /// or none if the last placed frame is too old. Otherwise takes the place that the map gives.
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
                                              const Eigen::Matrix3d& by_chain) const {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
@@ -236,8 +244,8 @@ struct Mosaic::Impl {
     const Eigen::Vector2d apart = shift(by_map, middleInMap(by_chain));
     if (apart.norm() < kExact + kDrift * unchecked) return by_map;
     if (!metrics::repeatsAfter(grey, {apart.x(), apart.y()})) return by_map;
-    // Where a full turn ends, a few px have added up, and pictures are alike when moved by a few
-    // px.
+    // At the end of a full turn, the chain has drifted by a few px. Any picture looks alike after a
+    // shift by a few px, so this is no repetition.
     if (!surface().isPlane() && metrics::shortestPeriod(grey) == 0.0) return by_map;
     if (stamp - last_stamp >= kPredictable) return std::nullopt;
     Eigen::Vector2d predicted = middleInMap(*last);
@@ -271,8 +279,8 @@ struct Mosaic::Impl {
     return Placement::new_map;
   }
 
-  /// Chooses among the places where the map and the chain put the frame. Sets `reason` if it
-  /// returns none.
+  /// Finds the place of the frame by the keyframes and by the chain of homographies. Sets `reason`
+  /// if it finds none.
   std::optional<Eigen::Matrix3d> search(std::int64_t stamp, const Features& features,
                                         const std::optional<Eigen::Matrix3d>& by_chain) {
     std::optional<Eigen::Matrix3d> found = by_chain;
@@ -301,7 +309,7 @@ struct Mosaic::Impl {
     return found;
   }
 
-  /// Whether all keyframes that fit lead to the same place.
+  /// Whether all keyframes that match the frame give the same place.
   bool isOnePlace(const std::vector<Eigen::Matrix3d>& places) const {
     const double far = kElsewhere * std::min(size.width, size.height);
     const Eigen::Vector2d place = middleInMap(places.front());
@@ -322,13 +330,13 @@ struct Mosaic::Impl {
     closed_off = std::max(closed_off, off);
   }
 
-  /// Keeps the pose of a drawn frame, and asks from time to time whether the camera turns.
+  /// Keeps the pose of a drawn frame, and tests from time to time whether the camera only turns.
   void noteTurn() {
     if (!surface().isPlane() || turn.verdict == Turn::Verdict::moves) return;
     const double way = (middleInMap(*pose) - middle()).norm() / size.width;
     if (next_test > kLastTest) return;
     turn_poses.push_back(*pose);
-    if (turn_poses.size() > kTurnPoses) {  // every second one
+    if (turn_poses.size() > kTurnPoses) {  // keep every second pose
       std::size_t kept = 0;
       for (std::size_t i = 1; i < turn_poses.size(); i += 2) turn_poses[kept++] = turn_poses[i];
       turn_poses.resize(kept);
@@ -338,7 +346,8 @@ struct Mosaic::Impl {
     bend();
   }
 
-  /// Goes on on a cylinder if the camera has turned, and only turned, so far.
+  /// Changes the map from the plane to a cylinder if the camera has only turned so far. Returns
+  /// whether it did.
   bool bend() {
     if (!surface().isPlane()) return false;
     turn = mosaic::testTurn(turn_poses, size, camera);
@@ -356,11 +365,12 @@ struct Mosaic::Impl {
       if (*each) *each = to_cylinder(**each);
     }
     drawn = to_cylinder(drawn);
-    velocity.reset();  // in px of the plane
+    // The old velocity is in px of the plane.
+    velocity.reset();
     return true;
   }
 
-  /// What testTurn() found, for users.
+  /// Explains to users why the map is not drawn on a cylinder.
   std::string whyNoCylinder() const {
     const double focal = turn.camera(0, 0);
     if (turn.verdict == Turn::Verdict::moves) {
@@ -405,7 +415,8 @@ struct Mosaic::Impl {
     if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
       return lose(stamp, LostBecause::repeats);
     }
-    // A frame after a gap overlaps most with the last frame before it, which becomes a keyframe.
+    // A frame after a gap overlaps most with the last frame before the gap, so that frame becomes a
+    // keyframe.
     if (!expected && last_features && hasRoom() &&
         keyframes.coverage(size, *last) < kCoveredBeforeGap) {
       keyframes.add(std::move(*last_features), *last);

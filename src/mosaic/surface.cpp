@@ -12,7 +12,7 @@
 namespace ktgp_orb::mosaic {
 namespace {
 
-/// Whether the frame can be drawn into a map of its plane.
+/// Whether the frame can be drawn into a map on the plane of the first frame.
 bool planeCanShow(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d inverse = from_map.inverse();
   const Eigen::Matrix3d to_map = inverse / inverse(2, 2);
@@ -33,8 +33,8 @@ bool planeCanShow(const cv::Size& size, const Eigen::Matrix3d& from_map) {
 
 }  // namespace
 
-// The rotation is fitted to points of the picture rather than to the entries of K_inv H K, whose
-// last row is known much worse than the others.
+// The rotation is fitted to points of the picture and not to the entries of K_inv H K, because the
+// last row of this matrix is much less accurate than the other rows.
 TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
                 const cv::Size& size) {
   constexpr int kGrid = 3;
@@ -42,7 +42,7 @@ TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
   const Eigen::Matrix3d to_ray = camera.inverse();
   const Eigen::Matrix3d to_map = side * to_ray * from_map.inverse();
   Eigen::Matrix<double, 2, kGrid * kGrid> pixels;
-  Eigen::Matrix<double, 3, kGrid * kGrid> rays;  // of the first frame
+  Eigen::Matrix<double, 3, kGrid * kGrid> rays;  // viewing rays of `pixels`, in the first camera
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (int i = 0; i < kGrid * kGrid; ++i) {
     const double x = 0.5 * (i % kGrid) * (size.width - 1);
@@ -66,8 +66,8 @@ TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
 
 Surface::Surface(const Eigen::Matrix3d& camera, const Eigen::Vector3d& axis)
     : camera_(camera), period_(2.0 * M_PI * camera(0, 0)) {
-  const Eigen::Vector3d ahead =
-      (Eigen::Vector3d::UnitZ() - axis.z() * axis).normalized();  // where the first frame looks
+  // Viewing direction of the first frame, made perpendicular to the axis.
+  const Eigen::Vector3d ahead = (Eigen::Vector3d::UnitZ() - axis.z() * axis).normalized();
   Eigen::Matrix3d rows;
   rows << axis.cross(ahead).transpose(), axis.transpose(), ahead.transpose();
   to_axis_ = rows * camera.inverse();
@@ -116,8 +116,9 @@ Eigen::Vector2d Surface::inFrame(const Eigen::Matrix3d& from_map,
 
 bool Surface::canShow(const cv::Size& size, const Eigen::Matrix3d& from_map) const {
   if (isPlane()) return planeCanShow(size, from_map);
-  // Along the axis a cylinder is stretched 1 + height^2 times. Where the axis itself is in view, a
-  // corner or the middle is higher than that allows.
+  // At the height h, in radii, the cylinder stretches the picture along the axis by the factor 1 +
+  // h^2. If the axis itself is in view, a corner or the middle of the frame exceeds the limit of
+  // the height, too.
   auto points = outline(size, from_map.inverse());
   points.push_back(toMap(from_map.inverse() *
                          Eigen::Vector3d(0.5 * (size.width - 1), 0.5 * (size.height - 1), 1.0)));
@@ -130,7 +131,8 @@ bool Surface::canShow(const cv::Size& size, const Eigen::Matrix3d& from_map) con
 std::vector<Eigen::Vector2d> Surface::outline(const cv::Size& size,
                                               const Eigen::Matrix3d& to_map) const {
   const auto corners = homography::imageCorners(size, {});
-  // A straight side is a curve on the cylinder; 16 parts are off by less than a pixel.
+  // A straight side of the frame becomes a curve on the cylinder. A polygon with 16 parts for each
+  // side deviates from the curve by less than a pixel.
   const int parts = isPlane() ? 1 : 16;
   std::vector<Eigen::Vector2d> points;
   for (std::size_t i = 0; i < 4; ++i) {

@@ -6,48 +6,55 @@
 
 namespace ktgp_orb::mosaic {
 
-/// Largest scale of a frame in the map, and the inverse of the smallest one.
+/// Largest scale of a frame in the map. The smallest scale is the inverse of this number.
 inline constexpr double kLargestZoom = 4.0;
 
-/// The turn of a camera that fits a homography best: K_inv H K is a rotation where it only turned.
+/// The rotation R of a camera that fits a homography H best. If the camera only turned, K_inv H K =
+/// R.
 struct TurnFit {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  double off = 0.0;  ///< root mean square over the frame of what the rotation leaves, px
+  /// Deviation of H from the homography of the rotation, px (rms over the frame).
+  double off = 0.0;
 };
 
-/// `from_map`: homography to a frame of `size`; `camera`: K of both frames.
+/// `from_map`: homography from the first frame to a frame of `size`, px. `camera`: K of both
+/// frames.
 TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
                 const cv::Size& size);
 
-/// What a map is drawn on: the plane of its first frame, or a cylinder around a camera that turns.
+/// The surface on which a map is drawn: the plane of the first frame, or a cylinder around a camera
+/// that turns.
 ///
-/// Poses are homographies, first frame -> frame, for both. On the cylinder they are K R K_inv with
-/// determinant 1, so the third coordinate is positive for what is in front of the camera.
+/// For both surfaces, a pose is a homography H, first frame -> frame. On the cylinder, H = K R
+/// K_inv with determinant 1, so the third coordinate of H x is positive for points in front of the
+/// camera.
 class Surface {
  public:
-  /// The plane; a place in the map is a pixel of the first frame.
+  /// The plane of the first frame; a place in the map is a pixel of the first frame.
   Surface() = default;
-  /// The cylinder with the radius fx about `axis`, a unit vector in the camera of the first frame.
-  /// A place is (cx + fx angle, cy + fx height), the angle is 0 where the first frame looks.
+  /// A cylinder with the radius fx about `axis`, a unit vector in the coordinates of the first
+  /// camera. A place in the map is (cx + fx angle, cy + fx height); the angle is 0 in the viewing
+  /// direction of the first frame.
   Surface(const Eigen::Matrix3d& camera, const Eigen::Vector3d& axis);
 
   bool isPlane() const { return period_ == 0.0; }
   /// Length of a full turn, px; 0 for the plane.
   double period() const { return period_; }
-  /// The place of a point of the first frame, homogeneous px.
+  /// The place in the map of a point of the first frame, given in homogeneous px.
   Eigen::Vector2d toMap(const Eigen::Vector3d& point) const;
   Eigen::Vector3d fromMap(const Eigen::Vector2d& place) const;
-  /// The place, moved by full turns so that it is near to `other`.
+  /// `place`, moved by full turns so that it is as near to `other` as possible.
   Eigen::Vector2d near(const Eigen::Vector2d& place, const Eigen::Vector2d& other) const;
 
-  /// H(2,2) = 1 for the plane, where that is positive in front of the camera; determinant 1 for the
-  /// cylinder.
+  /// Scales the homography: H(2,2) = 1 for the plane, determinant 1 for the cylinder.
   Eigen::Matrix3d scaled(const Eigen::Matrix3d& homography) const;
-  /// The pose, scaled; on the cylinder the nearest one of a turn.
+  /// The scaled pose. On the cylinder, it is replaced by the nearest pose of a camera that only
+  /// turned.
   Eigen::Matrix3d fitted(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
-  /// How far the homography is off that of a turn, px; 0 for the plane.
+  /// Deviation of the homography from a pure turn, px (rms); 0 for the plane.
   double off(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
-  /// Where the frame shows the place of the map; not finite where a turned camera looks away.
+  /// The pixel of the frame that shows the place of the map. Infinite if the place is behind a
+  /// camera that has turned.
   Eigen::Vector2d inFrame(const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) const;
 
   /// Whether the frame can be drawn with a scale of 1/4 to 4.
@@ -57,7 +64,8 @@ class Surface {
 
  private:
   Eigen::Matrix3d camera_ = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d to_axis_ = Eigen::Matrix3d::Identity();  // px -> right, along the axis, ahead
+  // px -> coordinates to the right, along the axis, and ahead
+  Eigen::Matrix3d to_axis_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d from_axis_ = Eigen::Matrix3d::Identity();
   double period_ = 0.0;
 };

@@ -15,7 +15,8 @@ namespace {
 // appears soon and noise averages out.
 constexpr int kMaxWeight = 3 * 255;
 
-// Distance between samples for the gain. Very dark or bright pixels, maybe clipped, are left out.
+// The gain is computed from pixels at this distance. Very dark or bright pixels are left out, since
+// they may be clipped.
 constexpr int kGainStep = 8;  // px
 constexpr int kLeastGainSamples = 100;
 constexpr int kDark = 8;
@@ -26,7 +27,7 @@ int tileOf(double coordinate) {
   return static_cast<int>(std::floor(coordinate / TileMap::kTileSize));
 }
 
-/// Bounds of the points, whole px.
+/// The smallest rectangle of whole pixels that contains the points.
 cv::Rect boundsOf(const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector2d& point : points) box.extend(point);
@@ -127,7 +128,8 @@ bool TileMap::draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map) {
 bool TileMap::draw(const Frame& frame) {
   cv::Rect bounds = boundsOf(outline(frame.colour.size(), frame.to_map));
   if (surface_.isPlane()) return drawIn(bounds, frame);
-  bounds = {bounds.tl() - cv::Point(2, 2), bounds.br() + cv::Point(2, 2)};  // sides are curves
+  // Margin: the curved sides may leave the polygon.
+  bounds = {bounds.tl() - cv::Point(2, 2), bounds.br() + cv::Point(2, 2)};
   const int turn = static_cast<int>(surface_.period());
   cv::Rect allowed = bounds;
   if (!area_.empty()) {
@@ -152,7 +154,7 @@ bool TileMap::drawIn(const cv::Rect& bounds, const Frame& frame) {
   return all;
 }
 
-/// Fills patch_weight_, and keeps where the frame shows the tile for setPatch().
+/// Computes patch_weight_. Also stores the map between tile and frame, which setPatch() uses.
 void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
   if (surface_.isPlane()) {
     Eigen::Matrix3d to_tile = Eigen::Matrix3d::Identity();
@@ -162,11 +164,11 @@ void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
     cv::warpPerspective(frame.weight, patch_weight_, homography_, region.size(), cv::INTER_LINEAR);
     return;
   }
-  constexpr float kNowhere = -1e4F;  // outside of any frame
+  constexpr float kNowhere = -1e4F;  // px, a coordinate outside of any frame
   pixels_.create(region.size(), CV_32FC2);
   const Eigen::Matrix3d from_map = frame.to_map.inverse();
   for (int x = 0; x < region.width; ++x) {
-    // Along the axis the ray grows by the same step from pixel to pixel.
+    // Along the axis of the cylinder, the ray changes by the same step from each pixel to the next.
     Eigen::Vector3d ray = from_map * surface_.fromMap({region.x + x, region.y});
     const Eigen::Vector3d step = from_map * surface_.fromMap({region.x + x, region.y + 1}) - ray;
     for (int y = 0; y < region.height; ++y, ray += step) {
@@ -180,7 +182,8 @@ void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
   cv::remap(frame.weight, patch_weight_, pixels_, cv::noArray(), cv::INTER_LINEAR);
 }
 
-/// Repeats the last pixels beyond the border of the frame; black would darken the rim.
+/// Computes patch_. Repeats the last pixels beyond the border of the frame, because black would
+/// darken the rim.
 void TileMap::setPatch(const cv::Rect& region, const Frame& frame) {
   if (surface_.isPlane()) {
     cv::warpPerspective(frame.colour, patch_, homography_, region.size(), cv::INTER_LINEAR,
@@ -217,7 +220,7 @@ bool TileMap::drawTile(const Place& place, const cv::Rect& bounds, const Frame& 
 }
 
 bool TileMap::bend(const Surface& cylinder) {
-  constexpr int kLongest = 32767;  // px, a limit of cv::remap
+  constexpr int kLongest = 32767;  // px; cv::remap accepts only smaller pictures
   if (std::max(area_.width, area_.height) >= kLongest) return false;
   cv::Mat colour = cv::Mat::zeros(area_.size(), CV_8UC3);
   cv::Mat weight = cv::Mat::zeros(area_.size(), CV_8UC1);
@@ -227,7 +230,8 @@ bool TileMap::bend(const Surface& cylinder) {
     tile.colour(part - corner).copyTo(colour(part - area_.tl()));
     tile.weight(part - corner).convertTo(weight(part - area_.tl()), CV_8UC1, 255.0 / kMaxWeight);
   }
-  // Without its rim, beside which there is no colour to blend with.
+  // Removes the rim of the picture, since interpolation would mix it with the empty pixels beside
+  // it.
   cv::erode(weight, weight, cv::noArray());
   Eigen::Matrix3d to_map = Eigen::Matrix3d::Identity();
   to_map.topRightCorner<2, 1>() << area_.x, area_.y;

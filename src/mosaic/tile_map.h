@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::mosaic {
 
-/// A picture of unlimited size. Its square tiles exist only where something was drawn, so the
-/// memory grows with the covered area.
+/// A picture of unlimited size. It consists of square tiles, which exist only in the drawn area, so
+/// the memory grows with this area.
 class TileMap {
  public:
   static constexpr int kTileSize = 256;  ///< px
@@ -23,8 +23,8 @@ class TileMap {
 
   /// What it is drawn on; at first and after clear() a plane.
   const Surface& surface() const { return surface_; }
-  /// Draws what is on the plane onto the cylinder, and goes on there. False if the picture is too
-  /// large for that.
+  /// Redraws the picture on a cylinder, and draws all further frames there. False, without a
+  /// change, if the picture is too large to be redrawn.
   bool bend(const Surface& cylinder);
 
   /// Draws a frame (CV_8UC3) at the position `to_map`, frame -> first frame, scaled as the surface
@@ -41,14 +41,15 @@ class TileMap {
   /// Bounds of what was drawn, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
-  /// The area as CV_8UC4, alpha 0 for unseen parts; `scale` in (0, 1] makes it smaller.
+  /// The drawn area as CV_8UC4; alpha is 0 for unseen parts. `scale` in (0, 1] makes the image
+  /// smaller.
   cv::Mat image(double scale) const;
   void clear();
 
  private:
   struct Tile {
     cv::Mat colour;  // CV_8UC3
-    cv::Mat weight;  // CV_16UC1; 0: nothing was drawn
+    cv::Mat weight;  // CV_16UC1; 0: nothing was drawn at this pixel
   };
   using Place = std::pair<int, int>;  // column, row
 
@@ -61,7 +62,7 @@ class TileMap {
     Eigen::Matrix3d to_map;
   };
   bool draw(const Frame& frame);
-  /// Draws within `bounds`.
+  /// Draws the part of the frame that is within `bounds`, px of the map.
   bool drawIn(const cv::Rect& bounds, const Frame& frame);
   bool drawTile(const Place& place, const cv::Rect& bounds, const Frame& frame);
   void setPatchWeight(const cv::Rect& region, const Frame& frame);
@@ -73,8 +74,8 @@ class TileMap {
   std::map<Place, Tile> tiles_;
   cv::Rect area_;
   cv::Mat feather_;     // CV_8UC1, weight of each pixel of a frame
-  cv::Mat homography_;  // of the plane: frame -> tile
-  cv::Mat pixels_;      // of a cylinder: CV_32FC2, the pixel of the frame for each of the tile
+  cv::Mat homography_;  // for a plane: homography frame -> tile
+  cv::Mat pixels_;  // for a cylinder: CV_32FC2, for each pixel of the tile its place in the frame
   cv::Mat patch_;
   cv::Mat patch_weight_;
 };

@@ -13,16 +13,19 @@ namespace ktgp_orb::mosaic {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-// A smaller turn needs no cylinder, and shows less of what tells it from a move.
+// A smaller turn needs no cylinder, and its homographies can hardly be distinguished from the
+// homographies of a moving camera.
 constexpr double kLeastTurn = 20.0;  // degrees
 constexpr std::size_t kLeastPoses = 2;
 constexpr std::size_t kLeastPosesForFocal = 4;
-// The homographies tell the focal length if one that is 5 % larger or smaller fits half as well;
-// below kNoise, px, differences are noise.
+// The homographies determine the focal length if their deviation from a turn is more than
+// kMuchWorse times as large with a focal length that is 5 % larger or smaller. Deviations below
+// kNoise, px, are noise.
 constexpr double kFocalStep = 1.05;
 constexpr double kMuchWorse = 2.0;
 constexpr double kNoise = 0.1;
-// Fields of view from 118 to 6 degrees, as shares of the width.
+// Range of the focal lengths to try, as multiples of the image width: the fields of view are 118 to
+// 6 degrees.
 constexpr double kShortest = 0.3;
 constexpr double kLongest = 10.0;
 
@@ -33,7 +36,7 @@ Eigen::Matrix3d cameraOf(const cv::Size& size, double focal) {
   return camera;
 }
 
-/// Root mean square of all homographies, px.
+/// Deviation of the homographies from a pure turn, px (rms).
 double offOf(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size,
              const Eigen::Matrix3d& camera) {
   double sum = 0.0;
@@ -44,8 +47,9 @@ double offOf(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size,
   return std::sqrt(sum / static_cast<double>(poses.size()));
 }
 
-/// The rotations are about the axis and from the first frame; the larger ones tell it best. It
-/// points down in the first frame, or to the right where the camera lies on its side.
+/// Computes the axis and the angle of the turn. All rotations begin at the first frame and have the
+/// same axis. Larger rotations determine the axis better, so they have more weight. The axis points
+/// down in the first frame, or to the right if the camera lies on its side.
 void setRotations(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size, Turn& turn) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   turn.degrees = 0.0;
@@ -61,7 +65,7 @@ void setRotations(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& siz
   if ((is_upright ? turn.axis.y() : turn.axis.x()) < 0.0) turn.axis = -turn.axis;
 }
 
-/// Sets the camera that fits best; returns whether the homographies tell its focal length.
+/// Sets the camera that fits best. Returns whether the homographies determine its focal length.
 bool estimate(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size, Turn& turn) {
   const auto off = [&](double focal) { return offOf(poses, size, cameraOf(size, focal)); };
   double best = kShortest * size.width;
@@ -101,7 +105,7 @@ Turn testTurn(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size,
   bool is_told = poses.size() >= kLeastPosesForFocal && estimate(poses, size, turn);
   if (camera) {
     const double off = offOf(poses, size, *camera);
-    // A wrong K is known by homographies that fit another focal length twice as well.
+    // K is wrong if another focal length fits the homographies twice as well.
     if (off <= (is_told ? kMuchWorse * std::max(turn.off, kNoise) : limit)) {
       turn.camera = *camera;
       turn.off = off;

@@ -7,27 +7,30 @@
 
 namespace ktgp_orb::mosaic {
 
-/// What the homographies of a camera tell about its motion.
+/// Result of testTurn(): whether a camera only turned between its homographies.
 struct Turn {
   enum class Verdict {
-    open,   ///< too small a turn, too few frames, or no focal length to tell
+    open,   ///< not known: the turn is too small, there are too few frames, or K is unknown
     turns,  ///< the camera only turns
-    moves,  ///< no turn fits
+    moves,  ///< no pure turn explains the homographies
   };
   Verdict verdict = Verdict::open;
-  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K that fits best
-  bool is_estimated = false;                             ///< the homographies have told it
-  double off = 0.0;  ///< how far the homographies are off that of a turn, px (rms)
-  double degrees =
-      0.0;  ///< largest angle to the first frame's optical axis, if they were of a turn
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turns, in the first frame's camera
+  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< the K that fits best, px
+  bool is_estimated = false;  ///< `camera` was estimated from the homographies
+  double off = 0.0;           ///< deviation of the homographies from a pure turn, px (rms)
+  /// Largest angle between the optical axes of the first frame and another frame, in degrees,
+  /// assuming that the camera only turned.
+  double degrees = 0.0;
+  /// Axis of the turn, in the coordinates of the first camera.
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
 };
 
-/// A homography may be this far off that of a turn, px (rms).
+/// Largest deviation from a pure turn, px (rms), at which the camera still counts as turning.
 double largestOff(const cv::Size& size);
 
-/// `poses`: homographies of the first frame -> others; `camera`: K, if it is known. Otherwise the
-/// focal length is estimated, with square pixels and the principal point in the middle.
+/// Tests whether the camera only turned. `poses`: homographies from the first frame to other
+/// frames, px. `camera`: K if it is known. If K is not known or is wrong, the focal length is
+/// estimated, assuming square pixels and the principal point in the middle of the image.
 Turn testTurn(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size,
               const std::optional<Eigen::Matrix3d>& camera);
 

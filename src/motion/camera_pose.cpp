@@ -23,7 +23,8 @@ Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector
   const Eigen::Vector3d axis = from.cross(to);
   const double sine = axis.norm();
   const double cosine = from.dot(to);
-  // For opposite directions the cross product is mostly rounding. Any perpendicular axis will do.
+  // If the directions are opposite, the cross product is mostly rounding error, and any
+  // perpendicular axis will do.
   const double least = cosine < 0.0 ? 1e-8 : 0.0;
   return rotationAbout(std::atan2(sine, cosine) *
                        (sine > least ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
@@ -49,7 +50,8 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground) {
   CameraPose pose;
   pose.axes = (svd.matrixU() * svd.matrixV().transpose()).transpose();
   pose.position = -(pose.axes * m.col(2));
-  if (pose.position.z() < 0.0) {  // the factor is negative, so the first two axes are reversed
+  // The unknown factor is negative, so the first two axes are reversed.
+  if (pose.position.z() < 0.0) {
     pose.axes.topRows<2>() *= -1.0;
     pose.position.z() *= -1.0;
   }

@@ -16,15 +16,15 @@ using util::whiteningOf;
 
 namespace {
 
-/// The problem for estimation::RobustFit: find the pose whose homography from `map` is nearest to
-/// the seen homography, in units of the deviation of its entries.
+/// The problem for estimation::RobustFit: find the pose for which the homography from `map` is
+/// nearest to the seen homography, in units of the standard deviations of the entries.
 struct PoseProblem {
   using State = CameraPose;
-  Vector8 seen;  // entries of the homography
+  Vector8 seen;  // entries of the seen homography
   SmallMatrix whitening;
   Eigen::Matrix3d map;
 
-  /// The step of the position is in units of the height.
+  /// The position part of a step is in units of the height.
   static CameraPose moved(const CameraPose& pose, const estimation::Step& step) {
     Vector6 change = step;
     change.head<3>() *= pose.position.z();
@@ -40,14 +40,15 @@ struct PoseProblem {
   }
 };
 
-/// The most likely pose if the homography from `map` is `seen`; empty if no pose fits.
+/// The most likely pose if `seen` is the homography from the plane of `map` to the image; empty if
+/// no pose fits.
 std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix& whitening,
                                  const Eigen::Matrix3d& map) {
   auto pose = poseFrom(seen * map.inverse());
   if (!pose) return std::nullopt;
   estimation::FitRules rules;
-  rules.most_steps = 8;    // three are enough if the start is near
-  rules.converged = 1e-9;  // rad, and share of the height
+  rules.most_steps = 8;    // three steps are enough if the start is near
+  rules.converged = 1e-9;  // in rad for the rotation, and as a share of the height for the position
   rules.longest = 0.5;
   const PoseProblem problem{entriesOf(seen), whitening, map};
   estimation::RobustFit<const PoseProblem> fit;
@@ -85,8 +86,8 @@ void GroundFilter::allowReadout(double seconds) {
 void GroundFilter::limitReadout(double seconds) {
   const double beyond = std::abs(readout_) - seconds;
   if (!(beyond > 0.0)) return;
-  // The bound is not a measurement, so it must not shrink the covariance. Otherwise the filter
-  // would soon be sure of a readout time at the bound.
+  // The bound is not a measurement, so it must not reduce the covariance. Otherwise the filter
+  // would soon be certain of a readout time at the bound.
   const double back = readout_ > 0.0 ? -beyond : beyond;
   correct(back / covariance_(kReadout, kReadout) * covariance_.col(kReadout));
 }
@@ -103,14 +104,14 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
   moveFrame();
 }
 
-/// Moves the filter's frame below the newest pose, so that the errors of x, y and yaw of the pose
+/// Moves the filter's frame below the newest pose, so that the errors of x, y and yaw of this pose
 /// become errors of the frame. Drops the states of the map and of the previous pose.
 void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
   const Eigen::RowVector3d up = now_.axes.row(2);
   StateCovariance slope = StateCovariance::Zero();
-  slope.topLeftCorner<4, 4>().setIdentity();  // frame and readout time
+  slope.topLeftCorner<4, 4>().setIdentity();  // frame and readout time are kept
   slope(0, 2) = -way.y();
   slope(1, 2) = way.x();
   slope.block<2, 2>(kFrame, kNow) = turn.topLeftCorner<2, 2>();
@@ -218,7 +219,8 @@ Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
   return covarianceOfBoth() - times(known.transpose(), known);
 }
 
-/// The homography without the effect of the rolling shutter, by the present readout time.
+/// The homography without the effect of the rolling shutter, according to the present estimate of
+/// the readout time.
 Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> h = motion.homography;
   Eigen::Map<Vector8>(h.data()) += readout_ * motion.by_readout;
@@ -265,7 +267,7 @@ std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
   return innovation;
 }
 
-/// Fits the most likely pose to the homography, whose variances are multiplied by `noise`.
+/// Fits the most likely pose to the homography. `noise`: factor on the variances of the homography.
 bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
   if (!whitening) return false;
@@ -282,9 +284,9 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
-  // A straight flight says nothing about the shutter, yet over many frames the filter would mistake
-  // noise of the flow for information on the readout time. So this information is used only if a
-  // usual readout time changes the constraints by more than their noise.
+  // A straight flight tells nothing about the shutter. Over many frames, however, the filter would
+  // mistake noise of the flow for information on the readout time. So this information is used only
+  // if a usual readout time changes the constraints by more than their noise.
   if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
     constraints_by_state_.col(kReadout).setZero();
   }
@@ -312,7 +314,8 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
   const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
   const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
   const Matrix86 by_keyframe =
-      -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));  // change of the entries
+      // Change of the entries of h.
+      -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));
   const Matrix6 follows =
       -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // change of the pose
   SeenTurn seen{keyframe->axes.transpose() * pose->axes, covariance.bottomRightCorner<3, 3>()};
@@ -330,8 +333,8 @@ Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& 
   return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
-/// Kalman update with noise of Student's t distribution: a reading that differs by more than normal
-/// noise gets a larger variance, so that an outlier can do little harm.
+/// Kalman update with noise of Student's t distribution. If a reading differs from its prediction
+/// by more than normal noise, its variance is enlarged, so that an outlier can do little harm.
 void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
   const double misfit = innovationOf(residual, slope, variance).misfit;
   if (!std::isfinite(misfit)) return;
@@ -341,8 +344,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
   expected.diagonal().array() += noise;
   const SmallMatrix gain = times(cross_covariance, inverseOf(expected));
   correct(times(gain, residual));
-  // Joseph's form, (I - K S) P (I - K S)' + K R K'. The short form (I - K S) P would round to an
-  // indefinite matrix if readings are nearly exact.
+  // This is Joseph's form, (I - K S) P (I - K S)' + K R K'. With the short form, (I - K S) P,
+  // rounding would make the matrix indefinite if readings are nearly exact.
   covariance_ -= times(gain, cross_covariance.transpose());
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
   covariance_ += noise * times(gain, gain.transpose());
@@ -351,8 +354,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
 
 namespace {
 
-/// Turns the pose about the keyframe at `center`, then scales it about the point of the ground
-/// below the keyframe.
+/// Turns the pose about the keyframe at `center`, then scales its position about the point of the
+/// ground below the keyframe.
 CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
                       const Eigen::Vector3d& center) {
   const Eigen::Matrix3d rotation = rotationAbout(turn);
@@ -362,7 +365,7 @@ CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, doubl
 }  // namespace
 
 /// The change of the state, to first order, if the whole ground turns about the keyframe and is
-/// scaled. Both poses move with the ground, so the images do not change.
+/// scaled. The previous and the newest pose move with the ground, so the images do not change.
 GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
                                              const CameraPose& keyframe) const {
   const auto step_of = [&](const CameraPose& pose) {
@@ -392,8 +395,9 @@ void GroundFilter::widen(double scale_variance, double tilt_variance) {
 }
 
 /// The tilt and the scale of the ground are far less certain than the relative poses of the frames,
-/// in the first frames by a factor of a thousand. A step along them is too large for first order,
-/// so they are applied exactly. Only the rest of the step is added to first order.
+/// in the first frames by a factor of a thousand. A correction of tilt and scale is often too large
+/// for a first-order step, so it is applied exactly. Only the rest of the correction is added to
+/// first order.
 void GroundFilter::correct(const State& error) {
   State left = error;
   if (const auto keyframe = poseFrom(map_.inverse())) {

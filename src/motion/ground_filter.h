@@ -13,31 +13,32 @@ namespace ktgp_orb::motion {
 using util::SmallMatrix;
 using util::SmallRef;
 
-/// A rotation that the pictures show: camera now -> camera of the keyframe. The covariance (rad²)
-/// is for small rotations about the axes of the camera now.
+/// A rotation that the pictures show, from the newest camera to the camera of the keyframe. The
+/// covariance (rad²) is for small rotations about the axes of the newest camera.
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Derivative of these small rotations by small rotations of the keyframe's camera: the effect of
-  /// a wrong normal.
+  /// Jacobian of these small rotations with respect to small rotations of the keyframe's camera. It
+  /// is the effect of a wrong normal.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
 /// Extended Kalman filter of the map of a keyframe and the poses of the two newest frames, with
 /// their joint covariance. Each new pose is a weighted least-squares fit to the homography.
 ///
-/// All poses are in the frame of the keyframe: the origin is below it, and its x, y and yaw are
-/// exact. The place of that frame in the odometry becomes less and less certain, so it is a
-/// separate state. In a single frame for all poses, Jacobians of different times would disagree and
-/// would turn the large uncertainty of x, y and yaw into wrong corrections.
+/// All poses are in the frame of the keyframe. The origin of this frame is below the keyframe,
+/// whose x, y and yaw are therefore exact. The place of the frame in the odometry becomes less and
+/// less certain, so it is a separate state. In a single frame for all poses, Jacobians of different
+/// times would disagree and would turn the large uncertainty of x, y and yaw into wrong
+/// corrections.
 class GroundFilter {
  public:
   /// First index of each part of the error state: x, y and yaw of the keyframe's frame (3 entries),
-  /// the readout time (1), E of the map (8), the pose of the previous frame (6) and of the newest
-  /// frame (6). kSize is the number of entries.
+  /// the readout time (1), E of the map (8), the pose of the previous frame (6) and the pose of the
+  /// newest frame (6). kSize is the number of entries.
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
-  /// Readout time of the shutter, s; 0: a global shutter, -1: not known.
+  /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
   void setReadout(double seconds);
   /// An image has been read when the next one begins: the readout time is at most `seconds`, the
   /// time between two images. Before the first homography of the later one.
@@ -47,31 +48,34 @@ class GroundFilter {
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 
-  /// Starts with a pose in the odometry, without a map.
+  /// Starts with a pose in the odometry frame. There is no map at first.
   void start(const CameraPose& pose, const Matrix6& covariance);
-  /// Predicts the next pose from a twist of the camera in its own frame. Drops the map.
+  /// Predicts the next pose from a twist of the camera, which is given in the camera's own frame.
+  /// Drops the map.
   void predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
                const GroundMotionOptions& options);
-  /// Sets x, y and yaw of the base and their covariance; height and tilt stay. Drops the map.
+  /// Sets x, y and yaw of the base and their covariance. The height and the tilt do not change.
+  /// Drops the map.
   void moveBase(const Pose3& base, const Covariance6& covariance_of_base,
                 const Pose3& base_to_camera);
   /// Makes the reference of `motion` the keyframe. The newest pose belongs to this reference if
-  /// `at_reference` is set, otherwise to the frame that `motion` leads to. `motion` has its full
-  /// covariance, of which a share is due to the keyframe.
+  /// `at_reference` is set, otherwise to the frame to which `motion` leads. The covariance of
+  /// `motion` must be complete; this function takes the share that is due to the keyframe.
   void setKeyframe(const ImageMotion& motion, bool at_reference);
-  /// Adds a frame: `motion` leads from the keyframe to its pose. A homography has eight parameters
-  /// and a pose has six. The two remaining constraints correct the map and the readout time.
-  /// Returns the innovation of these constraints; if it is large, the homography gets more noise.
-  /// If no pose fits, nothing changes and the result is empty.
+  /// Adds a frame. `motion` leads from the keyframe to this frame. A homography has eight
+  /// parameters and a pose has six. The two remaining constraints correct the map and the readout
+  /// time. Returns the innovation of these constraints. If the innovation is large, the variance of
+  /// the homography is enlarged. If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// The rotation since the keyframe, from this homography and the known plane. Readings of turns
-  /// are not used. Empty if no pose fits.
+  /// The rotation since the keyframe, which follows from this homography and the known plane.
+  /// Readings of turns are not used. Empty if no pose fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects the state by a reading of the newest pose. `of_kind`: noise that readings of this
-  /// kind have shown; `ground`: number of the ground below. A reading that contradicts the
-  /// prediction gets less weight, see update(). Returns the misfit of the reading.
+  /// kind have shown. `ground`: number of the ground below, see Innovations::add. A reading that
+  /// contradicts the prediction gets less weight, see update(). Returns the misfit of the reading
+  /// in standard deviations.
   template <int kRows>
   double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
@@ -84,29 +88,32 @@ class GroundFilter {
     update(rows.residual, slope, deviation * deviation);
     return innovation.misfit;
   }
-  /// Makes the ground less certain: adds variances of its height (as a share of the height) and
-  /// tilt. The poses and the map move with the ground.
+  /// Makes the ground less certain: adds a variance to its height (relative to the height) and to
+  /// its tilt (rad²). The poses and the map move with the ground.
   void widen(double scale_variance, double tilt_variance);
 
   /// The newest and the previous pose, in the frame of the keyframe.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
-  /// False after an overflow. The filter must then be restarted.
+  /// False after a numeric overflow. The filter must then be restarted.
   bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
-  /// The newest pose in the odometry, and its covariance.
+  /// The newest pose in the odometry frame, and its covariance.
   CameraPose pose() const;
   Matrix6 covariance() const;
-  /// Writes the height and the pose of the base to `estimate`. `origin`: the point from which the
-  /// relative error of lengths (scale_deviation) counts.
+  /// Writes the height and the pose of the base to `estimate`. `origin`: the point at which an
+  /// error of the scale (scale_deviation) has no effect; the effect grows with the distance from
+  /// this point.
   void report(const Eigen::Vector3d& origin, const GroundMotionOptions& options,
               GroundEstimate& estimate) const;
-  /// Standard deviation of the newest pose's tilt about one axis, rad.
+  /// Standard deviation of the newest pose's tilt, rad: the larger of the values for the two
+  /// horizontal axes.
   double tiltDeviation() const;
   /// Joint covariance of the previous and the newest pose.
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }
-  /// The part of covarianceOfBoth() that is independent of the map: it differs between frames.
+  /// The part of covarianceOfBoth() that is independent of the map, which means that it is new in
+  /// each frame.
   Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:
@@ -124,15 +131,16 @@ class GroundFilter {
 
   Eigen::Vector2d frame_position_ = Eigen::Vector2d::Zero();
   double frame_yaw_ = 0.0;
-  Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();  // G: image of the keyframe -> ground
+  // G, which maps the image of the keyframe to the ground.
+  Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();
   CameraPose before_;
   CameraPose now_;
   double readout_ = 0.0;   // s
   double allowed_ = 0.0;   // the longest readout time that the covariance allows for, s
   bool is_known_ = false;  // the readout time was given
   StateCovariance covariance_ = StateCovariance::Zero();
-  // The two constraints of the newest homography, scaled to unit noise, and their derivatives by
-  // the readout time and the map.
+  // The two constraints that the newest homography adds, scaled to unit noise, and their
+  // derivatives with respect to the readout time and the map.
   Eigen::Vector2d constraints_ = Eigen::Vector2d::Zero();
   Eigen::Matrix<double, 2, kSize> constraints_by_state_ = Eigen::Matrix<double, 2, kSize>::Zero();
 };

@@ -25,10 +25,12 @@ using motion::Innovations;
 using motion::looksDown;
 using motion::Matrix6;
 
-constexpr double kHomographyLimit = 10.0;  // standard deviations
-constexpr int kPatience = 10;              // successive refused frames before a new start
-constexpr double kUnknownTilt = 0.35;      // rad
-constexpr double kOrigin = 1e-6;  // deviation of the first pose: a share of the height, and rad
+// Largest accepted misfit of a homography, in standard deviations.
+constexpr double kHomographyLimit = 10.0;
+constexpr int kPatience = 10;          // number of successive refused frames before a new start
+constexpr double kUnknownTilt = 0.35;  // rad
+// Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
+constexpr double kOrigin = 1e-6;
 
 }  // namespace
 
@@ -50,8 +52,10 @@ struct GroundMotion::Impl {
   void widenForReadings(const GroundFrame& frame);
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void beginKeyframe(const GroundFrame& frame);
-  /// Number of the ground for normals, see Innovations. Over relief each keyframe sees its own
-  /// sloping plane, so all readings until the next keyframe contradict it for the same reason.
+  /// Number of the ground for the innovations of normals (see Innovations::add): contradictions on
+  /// the same ground count once. Over relief each keyframe sees its own sloping plane, so all
+  /// normals until the next keyframe get the keyframe's number. Otherwise each frame counts as new
+  /// ground.
   std::int64_t seenSlope() const { return relief.isSeen() ? keyframe_stamp : newest_stamp; }
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
@@ -63,9 +67,9 @@ struct GroundMotion::Impl {
   GroundFilter filter;
   GroundEstimate estimate;
   bool has_pose = false;      // whether the frame at last_stamp has a pose
-  bool is_connected = false;  // the map of the keyframe is valid
+  bool is_connected = false;  // whether the map of the keyframe is valid
   std::int64_t last_stamp = 0;
-  std::optional<TurnReading> turned;  // turn since last_stamp; empty if a reading was missing
+  std::optional<TurnReading> turned;  // rotation since last_stamp; empty if a reading was missing
   std::int64_t newest_stamp = 0;      // stamp of the newest frame, even without a homography
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
@@ -74,7 +78,8 @@ struct GroundMotion::Impl {
   int looks_away = 0;      // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where the error of the scale is 0
+  // Point at which an error of the scale has no effect.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   motion::Velocity velocity;
   motion::Relief relief;
   motion::Shutter shutter;
@@ -83,22 +88,24 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  double turn_given_and_seen = 0.0;  // decaying sum of given turn times seen turn, rad²
+  // Decaying sum of the products of given turns and seen turns, rad².
+  double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
-  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // rate of the newest turn, rad/s
-  int contradictions = 0;                          // successive refused frames
-  std::optional<Pose3> destination;                // wanted pose of the base, see setPose()
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // angular velocity of the newest turn, rad/s
+  int contradictions = 0;                          // number of successive refused frames
+  std::optional<Pose3> destination;  // pose to which the base shall be moved, see setPose()
   Covariance6 destination_covariance = Covariance6::Zero();
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  motion::requireValid(frame);  // a refused frame leaves a gap in the sum of turns
+  // `turned` is already empty here, so a refused frame leaves a gap in the sum of turns.
+  motion::requireValid(frame);
   turned = turns;
   const std::optional<Eigen::Matrix3d> homography =
       frame.answer ? std::make_optional(frame.answer->homography) : std::nullopt;
   if (has_frame && frame.stamp == newest_stamp) {
-    if (homography == newest_homography) return estimate;  // this frame was added before
+    if (homography == newest_homography) return estimate;  // the caller has added this frame before
     is_connected = false;  // the next frame may refer to this frame, whose pose is unknown
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
@@ -140,7 +147,8 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   return place.is_apart;
 }
 
-/// Begins anew with the next frame, because a state that is not finite would never recover.
+/// Clears the state, so that the next frame begins anew. A state that is not finite would never
+/// recover.
 void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
@@ -160,21 +168,23 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
   const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
-  constexpr int kBelieved = 10;  // longest series of such normals that is ignored
+  constexpr int kBelieved = 10;  // longest series of upward normals that is ignored
   looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
   if (looks_away > (was_down ? kBelieved : 0)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief the misfit comes from the plane, so the readings get more noise instead.
+  // Over relief the misfit of homographies comes from the plane, so the readings get more noise
+  // instead of the homography.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   if (is_connection) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
-      // Process noise of height and tilt: the slope of the ground may change between keyframes.
+      // This is the process noise of height and tilt, since the slope of the ground may change
+      // between keyframes.
       const Eigen::Vector3d position = filter.pose().position;
       const double share = (position - keyframe_position).norm() / position.z();
       const double variance = options.ground_slope * options.ground_slope * share;
@@ -209,8 +219,9 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
   return placed(frame, image, GroundStatus::started);
 }
 
-/// After a gap the last velocity predicts the pose. If the reference is the previous frame, its
-/// pose is predicted, and the homography leads from there to the frame and gives a velocity, too.
+/// Continues after a gap: the last velocity predicts the pose. If the reference is the previous
+/// frame, the pose of the reference is predicted. The homography then leads from there to the new
+/// frame, and also gives a velocity.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));
@@ -241,7 +252,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
 }
 
-/// Makes the reference of `image` the keyframe for the newest pose, which was found without a map.
+/// Makes the reference of `image` the keyframe. The newest pose was found without a map.
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;
@@ -285,7 +296,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
 
-/// Compares the Imu with the pictures before the readings correct the pose.
+/// Compares the Imu with the pictures. This comes before the readings correct the pose.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
   const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
   if (!frame.turn && !has_down) return;
@@ -295,8 +306,8 @@ void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion&
                  has_down ? frame.down : std::nullopt);
 }
 
-/// For a frame without a connection to earlier frames: makes height and tilt unknown, so that the
-/// readings alone determine them.
+/// For a frame that is not connected to earlier frames: makes height and tilt unknown, so that only
+/// the readings determine them.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   const CameraPose placed =
       onGround(frame, filter.pose(), options.camera_to_base.inverse().translation());
@@ -332,7 +343,8 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const double spread = of_down.spread();
     of_down.addResidual(rows.residual / rows.deviation);
     estimate.down_misfit = filter.use(rows, of_down, seenSlope()) / spread;
-    // The pictures show the tilt as well, so the first reading that contradicts them is ignored.
+    // The pictures show the tilt as well, so the first reading that contradicts them does not make
+    // the tilt less certain.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= GroundEstimate::kContradiction;
   }
@@ -362,8 +374,8 @@ void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
       filter.use(rowsOf(turn, filter.now(), filter.before()), of_turn, newest_stamp);
 }
 
-/// Moves the base to the pose that setPose() asked for, if any. Then the reference of `image`,
-/// which leads to the newest pose, becomes the keyframe.
+/// Moves the base to the pose that setPose() asked for, if there is one. Then makes the reference
+/// of `image` the keyframe; `image` leads to the newest pose.
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   if (destination) {
     filter.moveBase(*destination, destination_covariance, options.camera_to_base.inverse());

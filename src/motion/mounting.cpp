@@ -21,17 +21,18 @@ using util::propagated;
 constexpr double kBlock = 0.5;     // s
 constexpr double kMemory = 300.0;  // s
 // Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
-// and the relative error of the scale.
+// and the relative scale error.
 constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
-// If its deviation is larger, an unknown counts as not known: mounting, delay, bias, scale.
+// An unknown counts as not known if its standard deviation is larger than this: mounting (rad),
+// delay (s), bias (rad/s), scale error.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
 // A larger error of the mounting is too large for the first-order model.
 constexpr double kLargest = 0.35;  // rad
-// Factor on the variances. Successive differences share a block, so their errors are not
-// independent. Measured on flights.
+// Factor on the variances, measured on flights. It is needed because successive differences share a
+// block, so their errors are not independent.
 constexpr double kShared = 1.5;
-// Limits of a block: the least deviation of the noise, and the least turn and the least change of
-// the rate that tell something.
+// Minimum standard deviation of the noise of a block; minimum turn and minimum change of the
+// angular velocity of a block that give information.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
@@ -56,7 +57,7 @@ Mounting::Said Mounting::Said::mean(int count) const {
 
 void Mounting::begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns) {
   is_running_ = true;
-  if (gives_turns != gives_turns_) {  // the biases of turns and directions differ
+  if (gives_turns != gives_turns_) {  // turns and directions have different biases
     information_.setZero();
     weighted_.setZero();
     square_ = rows_ = 0.0;
@@ -88,7 +89,7 @@ void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double se
     begin(seen, reference_stamp, gives_turns);
     return;
   }
-  // Previous camera -> camera now, by the pictures.
+  // Rotation from the previous camera to the newest camera, as the pictures show it.
   if (reference_stamp != reference_stamp_) last_ = {};
   const Eigen::Matrix3d step = seen.rotation.transpose() * last_.rotation;
   const Eigen::Matrix3d by_tilt = seen.by_tilt - step * last_.by_tilt;
@@ -140,8 +141,8 @@ void Mounting::endBlock() {
   seconds_ = 0.0;
 }
 
-/// Removes slopes that are noise of this variance, or second-order effects. Over time they would
-/// add up to false information.
+/// Removes the slopes that may be mere noise of this variance, or second-order effects. Over time
+/// they would add up to false information.
 void Mounting::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
@@ -178,10 +179,10 @@ void Mounting::learn(Said difference) {
   solve();
 }
 
-/// Iterates because the noise and the unknowns depend on each other. The dependence is weak, so
-/// three rounds suffice.
+/// Estimates the unknowns and the noise in turn, because they depend on each other. The dependence
+/// is weak, so three rounds are enough.
 void Mounting::solve() {
-  constexpr double kRows = 10.0;  // the given noise counts as this many measurements
+  constexpr double kRows = 10.0;  // weight of the given noise, in measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
       Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
@@ -191,7 +192,8 @@ void Mounting::solve() {
     information.diagonal().array() += prior.array().square().inverse();
     covariance_ = inverseOf(information);
     unknowns_ = covariance_ * weighted_ / noise_;
-    const double used = (covariance_ * seen).trace();  // degrees of freedom of the unknowns
+    // Degrees of freedom that the unknowns take from the measurements.
+    const double used = (covariance_ * seen).trace();
     const double rest =
         square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
     noise_ = (std::max(rest, 0.0) + kRows) / (std::max(rows_ - used, 0.0) + kRows);
@@ -231,8 +233,9 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     is_known = is_known || std::isfinite(deviation);
   };
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
-  // The filter has the scale error as a share of the reading, and the bias in units of the truth.
-  // The result has the scale error as a share of the truth, and the bias in units of the reading.
+  // In the filter the scale error is a share of the reading, and the bias has the scale of the true
+  // turns. In the result the scale error is a share of the true turn, and the bias has the scale of
+  // the readings.
   imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);
@@ -256,14 +259,16 @@ namespace {
 constexpr double kDegrees = 180.0 / util::kPi;  // per rad
 constexpr double kMilliseconds = 1e3;           // per s
 
-/// Formats a value and its deviation, with the digits that the deviation leaves certain.
+/// Formats a value and its standard deviation. The value has only the digits that are certain in
+/// view of the deviation.
 std::string plusMinus(double value, double deviation, const std::string& unit) {
   const double places = -std::floor(std::log10(std::max(deviation, 1e-6)));
   const int digits = static_cast<int>(std::max(places, 0.0));
   return util::format("%.*f +- %.*f %s", digits, value, digits, deviation, unit.c_str());
 }
 
-/// Text for the axes whose errors are shown, e.g. "1.0 +- 0.1 degrees off about x".
+/// Text that lists the axes for which is_shown is true, with their errors, e.g. "1.0 +- 0.1 degrees
+/// off about x".
 template <typename Show>
 std::string axes(const Eigen::Vector3d& values, const Eigen::Vector3d& deviations,
                  const std::string& unit, const Show& is_shown) {
@@ -291,7 +296,8 @@ void append(const char* what, const std::string& more, std::string& text) {
   if (!more.empty()) text += (text.empty() ? what : std::string("; ") + what) + more;
 }
 
-/// Predicate: larger than noise explains, and larger than `least`.
+/// Returns a predicate that tells whether a value is larger than `least` and larger than noise
+/// explains.
 auto matters(double least) {
   return [least](double value, double deviation) {
     constexpr double kCertain = 4.0;  // deviations
@@ -317,7 +323,8 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  const auto is_another_scale = matters(0.02);         // cheap gyroscopes are specified to 3 %
+  // Share; the scale of cheap gyroscopes is specified to 3 %.
+  const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",
          axes(imu.rotation, imu.rotation_deviation, "degrees", turns_too_far), text);

@@ -9,31 +9,34 @@
 
 namespace ktgp_orb::motion {
 
-/// Finds how an Imu is mounted and stamped, from the difference between its readings and the
-/// rotation that the pictures show.
+/// Finds how an Imu is mounted and how late its stamps are, from the difference between its
+/// readings and the rotation that the pictures show.
 ///
-/// Each new frame rotates the readings so far into its own axes, by the rotation that the pictures
-/// show. For a perfect Imu, two quantities then stay constant: the sum of its turns less the turns
-/// of the pictures, and its direction n to the ground. A mounting error m, a delay d, a bias b and
-/// a relative scale error s change them. To first order, after a time t, the sum of turns changes
-/// by m - w d + b t + s a, where w is the angular velocity and a the turn so far. The direction
-/// changes by n x (m - b t) + (w x n) d; here b is a drift of the pictures. A wrong normal adds
-/// three unknowns, which makes eleven. The constant cancels in the difference between the means of
-/// successive blocks of half a second. Weighted least squares with a memory of five minutes
-/// estimates the unknowns, and the residuals show the noise.
+/// Each new frame rotates the sums of all earlier readings into its own axes, by the rotation that
+/// the pictures show. For a perfect Imu, two quantities then stay constant: the sum of its turns
+/// less the turns of the pictures, and its direction n to the ground. A mounting error m, a delay
+/// d, a bias b and a relative scale error s change these quantities. To first order, after a time
+/// t, the sum of turns changes by m - w d + b t + s a, where w is the angular velocity and a the
+/// turn so far. The direction changes by n x (m - b t) + (w x n) d; here b is a drift of the
+/// pictures. A wrong normal adds three unknowns, which makes eleven in total. The constant cancels
+/// in the difference between the means of successive blocks of half a second. Weighted least
+/// squares with a memory of five minutes estimates the unknowns, and the residuals show the noise.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
   /// `reference_stamp` (ns), which is the previous frame or the reference of the previous frame.
-  /// Without `turn`, `down` is used.
+  /// `down` is used if `turn` is empty.
   void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
            const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
-  /// Call this after each frame. A frame without add() ends the sum of turns; the estimates stay.
+  /// Call this after each frame. If add() was not called for the frame, the sum of turns ends; the
+  /// estimates stay.
   void endFrame();
-  /// The estimate in the base frame, empty if the motion shows nothing. `to_base`: camera -> base.
+  /// The estimate in the base frame; empty if the motion so far does not show any of the unknowns.
+  /// `to_base`: rotation from the camera to the base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
-  /// Standard deviation of the error of a turn that the delay and the mounting cause, as far as
-  /// known, rad. `change`: of the angular velocity since the previous turn, rad/s.
+  /// Standard deviation of the error, rad, that the delay and the wrong mounting of the Imu cause
+  /// in the reading `turn`. Only the parts that are known with certainty count. `change`: change of
+  /// the angular velocity since the previous turn, rad/s.
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
@@ -41,7 +44,7 @@ class Mounting {
   using Unknowns = Eigen::Matrix<double, kSize, 1>;
   using Information = Eigen::Matrix<double, kSize, kSize>;
   using Slope = Eigen::Matrix<double, 3, kSize>;
-  /// A reading of the Imu, and its derivatives by the unknowns.
+  /// A reading of the Imu, and its derivatives with respect to the unknowns.
   struct Said {
     Eigen::Vector3d value = Eigen::Vector3d::Zero();
     Slope slope = Slope::Zero();
@@ -58,18 +61,18 @@ class Mounting {
   void learn(Said difference);
   void solve();
 
-  bool was_added_ = false;    // this frame has been added
-  bool is_running_ = false;   // the last frame was added
+  bool was_added_ = false;    // whether add() was called for this frame
+  bool is_running_ = false;   // whether add() was called for the last frame
   bool gives_turns_ = false;  // whether the Imu gives turns; otherwise it gives directions
-  int without_turn_ = 0;      // successive frames without a turn
-  SeenTurn last_;             // rotation that the last frame showed
+  int without_turn_ = 0;      // number of successive frames without a turn
+  SeenTurn last_;             // rotation since the keyframe, as the last frame showed it
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
-  Said turned_;                 // turns of the Imu since the start, less the turns of the pictures
-  Said block_;                  // sum over the block
-  int count_ = 0;               // number of frames in the block
-  double seconds_ = 0.0;        // length of the block
-  std::optional<Said> before_;  // mean of the previous block
+  Said turned_;           // sum of the Imu's turns since the start, less the turns of the pictures
+  Said block_;            // sum of the readings of the present block
+  int count_ = 0;         // number of frames in the present block
+  double seconds_ = 0.0;  // duration of the present block, s
+  std::optional<Said> before_;  // mean of the readings of the previous block
 
   Information information_ = Information::Zero();
   Unknowns weighted_ = Unknowns::Zero();

@@ -7,14 +7,14 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// The fit of a plane removes most of the relief. The seen plane is wrong by about twice the
-// remaining deviation. Half a picture is a third of the height, so the error of the slope is 2 /
-// (1/3) = 6 times the deviation.
+// The fit of a plane removes most of the relief, but the seen plane is wrong by about twice the
+// deviation that remains. Half a picture is as wide as a third of the height, so the error of the
+// slope is 2 / (1/3) = 6 times this deviation.
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
-/// Cholesky factor of the covariance of the reversed twist: turning, approach, shift. Each part is
-/// thereby conditioned on the parts before it.
+/// Cholesky factor of the covariance of the twist in reversed order: turning, approach, shift. In
+/// this order each part is conditioned on the parts before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
 }
@@ -22,14 +22,15 @@ Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
 }  // namespace
 
 double studentNoise(double misfit, int dimensions) {
-  constexpr double kNormal = 3.0;  // largest squared misfit per dimension that is normal noise
+  // Largest squared misfit per dimension that counts as normal noise.
+  constexpr double kNormal = 3.0;
   const double weight = estimation::studentWeight(misfit * misfit, 1.0, kNormal * dimensions);
   return std::max(1.0, 1.0 / weight);
 }
 
 void Relief::add(double deviation, double parallax) {
   constexpr double kPictures = 30.0;
-  constexpr double kLeastParallax = 0.05;  // a smaller parallax shows no relief
+  constexpr double kLeastParallax = 0.05;  // with a smaller parallax, relief cannot be seen
   if (parallax < kLeastParallax) return;
   share_ += ((deviation > 0.0 ? 1.0 : 0.0) - share_) / kPictures;
   size_ += (deviation / parallax - size_) / kPictures;
@@ -53,14 +54,16 @@ DownReading Relief::widened(DownReading reading) const {
 void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
   constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
   // Variance of the fourth difference of twists, if the poses have independent errors of variance
-  // 1/2. It is the fifth difference of the poses, so the variance is half of 1 + 25 + 100 + 100 +
+  // 1/2. This is the fifth difference of the poses, so its variance is half of 1 + 25 + 100 + 100 +
   // 25 + 1.
   constexpr double kVariance = 126.0;
-  constexpr double kNewer = 30.0;         // twists
-  constexpr double kOlder = 300.0;        // twists
-  constexpr double kLargest = 10.0;       // limit of a squared error, for outliers
-  constexpr double kJitter = 0.2;         // share of the time between frames
-  constexpr double kStandsStill = 0.002;  // rad, about a pixel; at rest the error does not change
+  constexpr double kNewer = 30.0;    // twists
+  constexpr double kOlder = 300.0;   // twists
+  constexpr double kLargest = 10.0;  // upper limit of a squared error, because of outliers
+  // Largest change of the time between frames, as a share of this time.
+  constexpr double kJitter = 0.2;
+  // rad, about a pixel; while the camera stands still, the error does not change.
+  constexpr double kStandsStill = 0.002;
 
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) restart();
   seconds_ = seconds;
@@ -74,7 +77,7 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   for (int i = 0; i < kTwists; ++i) rough += kDifference[i] * twists_[static_cast<std::size_t>(i)];
   const Vector6 reversed = rough.reverse();
   const Eigen::LLT<Matrix6> factor = factorOf(noise);
-  if (factor.info() != Eigen::Success) return;  // the covariance is nothing but rounding errors
+  if (factor.info() != Eigen::Success) return;  // the covariance consists only of rounding errors
   const Vector6 errors = factor.matrixL().solve(reversed);
   const Eigen::Array<double, 6, 1> squares = (errors.array().square() / kVariance).min(kLargest);
   const Eigen::Array3d seen(squares.head<3>().mean(), squares(3), squares.tail<2>().mean());

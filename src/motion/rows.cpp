@@ -7,13 +7,15 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// Least deviation of a reading, as a share of the height or in rad. Readings may claim to be exact.
+// Minimum standard deviation of a reading, as a share of the height or in rad, since a reading may
+// claim to be exact.
 constexpr double kLeastDeviation = 1e-6;
 
-// A beam that sinks less than this per metre shows the height badly or not at all.
+// A beam of a range sensor must sink at least this much per metre. A flatter beam shows the height
+// badly or not at all.
 constexpr double kLeastSink = 0.1;
 
-/// Change of the first eight entries if h changes by d and is then normalised to h(2,2) = 1.
+/// Change of the first eight entries of h if h changes by d and is then normalised to h(2,2) = 1.
 Vector8 entriesChange(const Eigen::Matrix3d& h, const Eigen::Matrix3d& d) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> change = d - d(2, 2) * h;
   return Eigen::Map<const Vector8>(change.data());
@@ -26,7 +28,7 @@ Eigen::Matrix3d unit(int i) {
   return m;
 }
 
-/// The direction to the ground in the camera's frame.
+/// The direction from the camera to the ground, in the camera's frame.
 Eigen::Vector3d downOf(const CameraPose& pose) {
   return -pose.axes.row(2).transpose();
 }
@@ -44,8 +46,9 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
     slope.col(i) =
         entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
   }
-  // Simulated pictures without noise have a deviation of nearly 0. The linearisation errors of the
-  // filter are larger, and its covariance would become indefinite.
+  // In simulated pictures without noise, the deviation is nearly 0. The linearisation errors of the
+  // filter are larger than this deviation, and the covariance of the filter would become
+  // indefinite.
   constexpr double kLeast = 1e-6;  // share of the focal length: 0.0005 px for 500 px
   motion.covariance = slope * covariance * slope.transpose();
   motion.covariance.diagonal().array() += kLeast * kLeast;
@@ -80,7 +83,8 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
 }
 
 bool looksDown(const Eigen::Vector3d& down) {
-  constexpr double kHorizon = 0.1;  // cosine of the angle between the optical axis and the normal
+  // Least cosine of the angle between the optical axis and the direction to the ground.
+  constexpr double kHorizon = 0.1;
   return down.z() > kHorizon;
 }
 
@@ -95,7 +99,7 @@ bool meetsGround(const HeightReading& reading, const CameraPose& pose) {
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise) {
   PoseRows<1> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation * reading.metres);
-  const Eigen::RowVector3d up = pose.axes.row(2);  // in the camera's frame
+  const Eigen::RowVector3d up = pose.axes.row(2);  // the upward direction in the camera's frame
   if (reading.beam_direction.isZero()) {
     rows.residual(0) = reading.metres + rise * reading.age - pose.position.z();
     rows.slope(2) = 1.0;
@@ -105,7 +109,8 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
     rows.residual(0) = std::numeric_limits<double>::infinity();
     return rows;
   }
-  const double sinks = reading.beam_direction.dot(downOf(pose));  // per metre of the beam
+  // Height that the beam loses per metre.
+  const double sinks = reading.beam_direction.dot(downOf(pose));
   const double start = pose.position.z() + up.dot(reading.beam_origin);
   const double length = start / sinks;
   rows.residual(0) = reading.metres + rise * reading.age / sinks - length;

@@ -13,36 +13,38 @@ using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 using Matrix86 = Eigen::Matrix<double, 8, 6>;
 
-/// A homography between images of focal length 1. The covariance is for its first eight entries,
-/// row by row; the last entry is 1.
+/// A homography between images of focal length 1. The last entry is 1, and the covariance is for
+/// the first eight entries, row by row.
 struct ImageMotion {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
   Matrix8 covariance = Matrix8::Zero();
-  /// Change of the entries per second of readout time, see Shutter.
+  /// Change of the entries per second of readout time, see Shutter::add.
   Vector8 by_readout = Vector8::Zero();
 };
 
-/// Shares of the covariance of a homography, measured on rendered flights. kOfKeyframe is due to
-/// the image of the keyframe, whose noise is the same for all later frames. kOfFrame is due to the
-/// other image.
+/// Shares of the covariance of a homography, measured on rendered flights. The share kOfKeyframe is
+/// due to the image of the keyframe, whose noise is the same for all later frames. The share
+/// kOfFrame is due to the other image.
 inline constexpr double kOfKeyframe = 0.6;
 inline constexpr double kOfFrame = 0.4;
 
-/// Converts a homography from pixels to focal length 1; `camera`: K. The deviation of each entry
-/// grows by 1e-6, so that no deviation is 0 for pictures without noise.
+/// Converts a homography from pixels to focal length 1. `camera`: K. A variance of (1e-6)² is added
+/// to each entry, so that no deviation is 0 for pictures without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
 
-/// Derivatives of the entries of h = M(pose) map: byPose by a step of the pose (see moved), byMap
-/// by the entries of E in map (I + E) with E(2,2) = 0.
+/// Jacobians of the entries of h = M(pose) map: byPose() with respect to a step of the pose (see
+/// moved), byMap() with respect to the entries of E in map (I + E) with E(2,2) = 0.
 Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const CameraPose& pose);
 Matrix8 byMap(const Eigen::Matrix3d& h);
 
-/// Column i is the E for which entry i of h (I + E) is larger by 1 than entry i of h.
+/// Converts a change of the entries of h to E: column i is the E for which h (I + E) differs from h
+/// by 1 in entry i only.
 Matrix8 mapFromEntries(const Eigen::Matrix3d& h);
 
-/// A linearised measurement of the newest and the previous pose: residual ~ slope * step +
-/// slope_before * step of the previous pose + noise of the given deviation.
+/// A linearised measurement of the newest and the previous pose: residual ~ slope * step of the
+/// newest pose + slope_before * step of the previous pose + noise with standard deviation
+/// `deviation`.
 template <int kRows>
 struct PoseRows {
   Eigen::Matrix<double, kRows, 1> residual;
@@ -51,23 +53,25 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// Whether the camera looks below the horizon. `down`: to the ground, in the camera's frame.
+/// Whether the camera looks below the horizon. `down`: direction to the ground, in the camera's
+/// frame.
 bool looksDown(const Eigen::Vector3d& down);
-/// Whether the beam of a range sensor, if there is one, meets the ground.
+/// Whether the beam of a range sensor meets the ground; true if the reading has no beam.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
 bool meetsGround(const HeightReading& reading, const CameraPose& pose);
-/// Linearises a reading about `pose`. `rise`: vertical velocity, m/s. The residual is infinite if
-/// the beam does not meet the ground.
+/// Linearises a reading of the height or the normal about `pose`. `rise`: vertical velocity, m/s.
+/// The residual is infinite if the beam of a range sensor does not meet the ground.
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 
-/// The pose with the height and normal of `frame`. The camera turns as little as possible, and the
-/// base keeps x and y. `lever`: position of the base in the camera's frame.
+/// The pose with the height and normal that `frame` gives. The camera turns as little as possible,
+/// and the base keeps x and y. `lever`: position of the base in the camera's frame.
 CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eigen::Vector3d& lever);
-/// The first pose: the base above the origin, with its x axis along x. `frame` must have a height.
+/// The first pose: the base is above the origin, and its x axis points along x. `frame` must have a
+/// height.
 CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base);
 
-/// Linearises a reading of the rotation since the pose `before`.
+/// Linearises a reading of the rotation between the poses `before` and `pose`.
 PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before);
 
 }  // namespace ktgp_orb::motion

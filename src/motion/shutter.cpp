@@ -11,14 +11,15 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// First eight entries of a matrix less a multiple of I, since a multiple of I moves no point.
+/// Subtracts the multiple of I that makes entry (2,2) zero, and returns the other eight entries. A
+/// multiple of I moves no point.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
       m - m(2, 2) * Eigen::Matrix3d::Identity();
   return Eigen::Map<const Vector8>(rows.data());
 }
 
-/// Derivative of flowOf(H m) by the entries of H.
+/// Jacobian of flowOf(H m) with respect to the first eight entries of H.
 Matrix8 flowByEntries(const Eigen::Matrix3d& m) {
   Matrix8 slope;
   for (int i = 0; i < 8; ++i) {
@@ -29,7 +30,7 @@ Matrix8 flowByEntries(const Eigen::Matrix3d& m) {
   return slope;
 }
 
-/// Velocity of the picture at a point.
+/// Velocity with which the picture moves at a point, for a focal length of 1.
 Eigen::Vector2d velocityAt(const Vector8& flow, const Eigen::Vector2d& point) {
   return homography::jacobianByEntries(Eigen::Matrix3d::Identity(), point) * flow;
 }
@@ -61,11 +62,12 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   motion_ = motion;
   if (size.empty() || !flow_.allFinite()) return Vector8::Zero();
 
-  // Least squares over a grid of points in the reference. Points that the frame does not show are
-  // left out.
+  // Fits the change of the homography by least squares over a grid of points in the reference.
+  // Points that the frame does not show are left out.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
-  const double share_of_row = camera(1, 1) / size.height;  // share of the readout time, per y
+  // Share of the readout time per unit of y.
+  const double share_of_row = camera(1, 1) / size.height;
   Matrix8 information = Matrix8::Zero();
   Vector8 sum = Vector8::Zero();
   int count = 0;
@@ -97,8 +99,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   return change.allFinite() ? change : Vector8::Zero();
 }
 
-/// A Kalman filter of a constant flow. The gain along each eigenvector of the changes follows from
-/// how far the changes so far exceed noise.
+/// A Kalman filter that follows a slowly varying flow. The gain along each eigenvector of the
+/// changes follows from how far the changes so far exceed noise.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);
@@ -110,7 +112,8 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   }
   const Vector8 change = root.matrixL().solve(seen - flow_);
   change_ += (change * change.transpose() - change_) / changes_;
-  // With noise alone, this is about the largest eigenvalue of the mean (Marchenko and Pastur).
+  // If the changes are only noise, the largest eigenvalue of their mean is about this (Marchenko
+  // and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
   const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);

@@ -7,17 +7,20 @@
 
 namespace ktgp_orb::motion {
 
+/// Finds the effect of a rolling shutter on a homography.
+///
 /// A row below the middle row is exposed later, by its share of the readout time. Meanwhile the
 /// picture moves; successive homographies show this flow. Moving the points of both pictures back
 /// to the time of the middle row gives the homography of a global shutter. To first order, it
 /// differs from the seen homography by the readout time times a vector, which this class finds.
 ///
-/// The flow is filtered because it shares its noise with the homography that it explains. Without
-/// the filter, a steady motion would show a rolling shutter that does not exist.
+/// The flow is filtered, because its noise comes from the same homography that it shall explain.
+/// Without the filter, a steady motion would show a rolling shutter that does not exist.
 class Shutter {
  public:
-  /// Adds the homography from the frame at `reference_stamp` (ns) to the frame at `stamp`. Returns
-  /// the correction of its entries per second of the readout time; 0 if `size` (px) is empty.
+  /// Adds the homography from the frame at `reference_stamp` (ns) to the frame at `stamp` (ns).
+  /// Returns the correction of its entries per second of the readout time; 0 if `size` (px) is
+  /// empty.
   Vector8 add(const ImageMotion& motion, std::int64_t stamp, std::int64_t reference_stamp,
               const cv::Size& size, const Eigen::Matrix3d& camera);
 
@@ -27,12 +30,12 @@ class Shutter {
   std::int64_t stamp_ = 0;
   std::int64_t reference_stamp_ = 0;
   ImageMotion motion_;
-  // Flow of the image: the entries of F row by row, with F(2,2) = 0. After a short time dt a point
-  // x has moved to the projection of (x, 1) + dt F (x, 1).
+  // Flow of the image: the entries of a matrix F row by row, with F(2,2) = 0. In a short time dt, a
+  // point x moves to the projection of (x, 1) + dt F (x, 1).
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
-  // Running mean of the outer product of the changes of the flow, whitened by the noise of the
-  // flow; and the number of changes.
+  // change_: running mean of the outer product of the changes of the flow, whitened by the noise of
+  // the flow. changes_: number of changes.
   Matrix8 change_ = Matrix8::Zero();
   double changes_ = 0.0;
 };

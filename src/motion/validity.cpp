@@ -26,7 +26,8 @@ void requireUsable(const char* name, const std::optional<Reading>& reading) {
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
 }
 
-/// Whether some point of the reference falls into the image, as with every matched homography.
+/// Whether some point of the reference falls into the image. Every matched homography has such a
+/// point.
 bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
   constexpr int kSteps = 8;
   for (int i = 0; i <= kSteps; ++i) {
@@ -104,7 +105,7 @@ bool isUsable(const Covariance8& covariance) {
 
 namespace {
 
-/// Why a reading with this deviation or age cannot be used.
+/// Text that says why a reading with this standard deviation or age cannot be used.
 std::string whyUnusable(double deviation, const char* unit, double age) {
   if (!(deviation >= 0.0) || !std::isfinite(deviation)) {
     return "has a standard deviation of " + std::to_string(deviation) + " " + unit +

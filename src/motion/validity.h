@@ -4,9 +4,10 @@
 
 namespace ktgp_orb::motion {
 
-/// Throws std::invalid_argument, which names the option and its range.
+/// Throws std::invalid_argument if an option is out of range. The message names the option and its
+/// range.
 void requireValid(const GroundMotionOptions& options);
-/// Throws std::invalid_argument, which names the part of the frame that is not usable.
+/// Throws std::invalid_argument if a part of the frame is not usable. The message names this part.
 void requireValid(const GroundFrame& frame);
 /// Whether the covariance is finite and positive definite.
 bool isUsable(const Covariance8& covariance);

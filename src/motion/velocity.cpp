@@ -12,7 +12,7 @@ namespace {
 
 using util::propagated;
 
-/// Velocity of the camera since the previous pose, in the camera's frame at that pose.
+/// Mean velocity of the camera since the previous pose, in the camera's frame at the previous pose.
 Eigen::Vector3d newestVelocity(const GroundFilter& filter, double seconds) {
   const CameraPose& before = filter.before();
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;
@@ -39,8 +39,8 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
   if (!std::exchange(is_measured_, true)) return;
   // A Kalman update by the last velocity, which differs from the new velocity by an unknown
-  // acceleration. It matters if the pictures show little: near the ground few features are in view,
-  // and a rotation looks like a translation.
+  // acceleration. The update matters if the pictures show little. For example, near the ground few
+  // features are in view, and a rotation looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();
@@ -85,12 +85,12 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
       scale_variance * velocity * velocity.transpose();
 }
 
-/// The largest plausible change of velocity. A vehicle accelerates, and the noise of a pixel or two
-/// is metres from a large height.
+/// The largest plausible change of velocity. It allows for the acceleration of a vehicle and for
+/// noise: at a large height, the noise of a pixel or two is several metres.
 double Velocity::largestChange(const GroundFilter& filter, double seconds,
                                double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s
-  constexpr double kPicture = 0.003;      // rad: a pixel or two
+  constexpr double kPicture = 0.003;      // noise of a pixel or two, rad
   constexpr double kAcceleration = 10.0;  // m/s²
   constexpr double kDeviations = 4.0;
   const double deviation = std::sqrt(covariance_.topLeftCorner<3, 3>().trace());

@@ -10,37 +10,37 @@
 namespace ktgp_orb::motion {
 
 /// The velocity of the camera between successive poses. This class also judges whether a new pose
-/// is plausible, because a homography may be off by a period of repetitive ground.
+/// is plausible, because on repetitive ground a homography may be off by one period.
 class Velocity {
  public:
-  /// Starts without a velocity: the camera may stand still or move.
+  /// Starts without a known velocity: the camera may stand still or move.
   void start(const GroundMotionOptions& options);
-  /// Forgets the last velocity, because the next pose does not follow from it.
+  /// Forgets the last velocity, because the next pose is not connected to it.
   void interrupt() { is_measured_ = false; }
   void beginKeyframe() { noise_.beginKeyframe(); }
   /// Measures the velocity between the filter's last two poses, which are `seconds` apart.
-  /// `since_last`: time since the last velocity, s. `is_flat`: the ground is flat, so the
-  /// covariance is reduced to the noise that the twists show, see TwistNoise.
+  /// `since_last`: time since the last velocity, s. `is_flat`: whether the ground is flat. On flat
+  /// ground the covariance is reduced to the noise that the twists show, see TwistNoise.
   void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
                bool is_flat);
 
   /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
-  /// Predicts the readings of a frame at its reference, which is `seconds` earlier. It uses the
-  /// velocity that was measured `gap` seconds before the frame.
+  /// Predicts what the readings of a frame were at its reference, which is `seconds` earlier. The
+  /// prediction uses the velocity that was measured `gap` seconds before the frame.
   GroundFrame atReference(GroundFrame frame, double seconds, double gap,
                           const GroundMotionOptions& options) const;
 
   /// Writes the twist of the base to `estimate`.
   void report(const GroundMotionOptions& options, GroundEstimate& estimate) const;
 
-  /// Whether the newest pose needs a larger change of velocity than a vehicle can make.
+  /// Whether the newest pose implies a larger change of velocity than a vehicle can make.
   bool isJump(const GroundFilter& filter, double seconds, double since_last) const;
   /// Whether the frame at `stamp`, whose pose is a jump, and the refused frames just before it
-  /// agree on one motion. The velocity before them is then obsolete. `before`: stamp of the
-  /// previous frame. `is_measured`: the filter's previous pose is the pose of that frame and gives
-  /// a velocity; otherwise it is the pose of the last frame that was accepted.
+  /// agree on one motion. If they do, the velocity before these frames is obsolete. `before`: stamp
+  /// of the previous frame, ns. `is_measured`: true if the filter's previous pose is the pose of
+  /// that previous frame and gives a velocity; false if it is the pose of the last accepted frame.
   bool isBelieved(const GroundFilter& filter, std::int64_t stamp, std::int64_t before,
                   std::int64_t keyframe_stamp, bool is_measured);
 
@@ -49,14 +49,15 @@ class Velocity {
 
   Vector6 twist_ = Vector6::Zero();
   Matrix6 covariance_ = Matrix6::Zero();
-  bool is_measured_ = false;  // a velocity was measured since the last gap
+  bool is_measured_ = false;  // whether a velocity was measured since the last gap
   TwistNoise noise_;
-  // The newest refused frame.
+  // These describe the newest refused frame.
   std::int64_t refused_stamp_ = 0;
   std::int64_t refused_keyframe_ = 0;
-  Eigen::Vector3d refused_position_ = Eigen::Vector3d::Zero();  // in the filter's frame
-  std::optional<Eigen::Vector3d> refused_velocity_;             // in the camera's frame
-  int agree_ = 0;  // successive refused frames that agree on one motion
+  // Position of the camera in the filter's frame, m.
+  Eigen::Vector3d refused_position_ = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> refused_velocity_;  // velocity of the camera in its own frame, m/s
+  int agree_ = 0;  // number of successive refused frames that agree on one motion
 };
 
 }  // namespace ktgp_orb::motion

@@ -8,8 +8,9 @@
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
-  cv::setNumThreads(
-      1);  // the matcher has its own threads; the nodelet in a manager keeps OpenCV's setting
+  // OpenCV needs no threads, since the matcher has its own; a nodelet in a manager does not change
+  // this setting
+  cv::setNumThreads(1);
   try {
     nodelet::Loader loader;
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",

@@ -29,7 +29,7 @@ class CallbackThread {
     if (is_used_) spinner_.start();
   }
   /// Ends all callbacks: a disabled queue accepts no more callbacks, and stopping its spinner waits
-  /// for the running one. Call this before you destroy anything that the callbacks use.
+  /// for the running callback. Call this before you destroy anything that the callbacks use.
   void stop() {
     callbacks_.disable();
     spinner_.stop();

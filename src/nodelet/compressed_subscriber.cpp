@@ -20,7 +20,7 @@ class CompressedSubscriber
     sensor_msgs::ImageConstPtr image;
     try {
       image = decodedImage(*message);
-    } catch (const RefusedImage& reason) {  // the node reports and counts it
+    } catch (const RefusedImage& reason) {  // the node reports and counts the image without pixels
       image = undecodedImage(message->header, reason);
     }
     take(image);

@@ -15,9 +15,10 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr double kMaxDropShare = 0.5;           // share of dropped input that gives a warning
-constexpr double kLateError = 4.0;              // multiple of max_latency that gives an error
-constexpr double kImplausibleLatency = 3600.0;  // s; more means stamps of another clock
+constexpr double kMaxDropShare = 0.5;  // share of dropped input that gives a warning
+constexpr double kLateError = 4.0;     // multiple of max_latency that gives an error
+// Latency in s above which the stamps must be of another clock.
+constexpr double kImplausibleLatency = 3600.0;
 // We avoid ROS_*_THROTTLE: all nodelets of a process share it, and it is silent at ROS time zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr const char* kIdle = "idle: no subscriber on any output";
@@ -27,7 +28,7 @@ double ratio(double part, double whole) {
   return whole > 0.0 ? part / whole : 0.0;
 }
 
-/// Removes the digits, since a problem is not logged again if only its numbers change.
+/// The text without digits, because a problem is not logged again if only its numbers change.
 std::string withoutNumbers(std::string text) {
   text.erase(std::remove_if(text.begin(), text.end(),
                             [](unsigned char c) { return c >= '0' && c <= '9'; }),
@@ -154,7 +155,7 @@ void Diagnosis::setMaxLatency(double seconds) {
 
 void Diagnosis::setListening(bool listening) {
   const Lock lock(mutex_);
-  if (listening && !listening_) {  // old values do not apply to the new subscription
+  if (listening && !listening_) {  // a new subscription begins without the old values
     periods_ = {};
     for (auto& [name, counter] : counters_) counter.periods = {};
     silence_.clear();

@@ -20,13 +20,13 @@ class Diagnosis {
   using Clock = std::chrono::steady_clock;
   using Report = diagnostic_updater::DiagnosticStatusWrapper;
 
-  /// `logger`: name of the nodelet; `what`: what arrives, "image" or "match"; `work`: name of the
-  /// second report.
+  /// `logger`: name of the nodelet. `what`: kind of the input, "image" or "match". `work`: name of
+  /// the second entry.
   void open(const std::string& logger, const std::string& what, const std::string& topic,
             const std::string& work);
   void add(diagnostic_updater::Updater& updater);
 
-  // Names of counters that all nodelets use, and keys of the reports. Nodelets may add others.
+  // Names of counters that all nodelets use, and keys of the reports. Nodelets may add other names.
   static constexpr const char* kDropped = "dropped";
   static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
@@ -40,20 +40,21 @@ class Diagnosis {
   /// The count since the start, and the count of the last ten seconds.
   std::uint64_t total(const char* name) const;
   std::uint64_t recent(const char* name) const;
-  /// Counts and reports an image or message that cannot be used.
+  /// Counts and reports an image or message that cannot be used, with the reason.
   void refuse(const std::string& reason);
   /// Records that the work on the frame with this stamp, begun at `start`, is done. Returns the
   /// latency from the stamp to now, s; 0 without a stamp or a clock.
   double done(const ros::Time& stamp, Clock::time_point start);
 
-  /// Sets the problem of this kind with the frames; an empty text ends the problem, and so does the
-  /// end of the subscription. `log`: also write the problem to the log.
+  /// Sets a problem with the frames. `kind`: name that identifies the problem. `text`: an empty
+  /// text ends the problem; the end of the subscription ends it, too. `log`: also write the problem
+  /// to the log.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
   /// Sets a problem that lasts whether or not frames are received.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
   /// Sets the text of the report while there is no problem, for example "works".
   void setState(const std::string& text);
-  /// Sets a value that the report shows unchanged.
+  /// Sets a value that the report shows as it is.
   void setValue(const std::string& name, const std::string& value);
   /// Latency above which the results are reported as late, s.
   void setMaxLatency(double seconds);
@@ -64,13 +65,13 @@ class Diagnosis {
   /// several nodes publish the same input. Each may be empty.
   void setInput(const std::string& silence, const std::string& mixture);
 
-  /// Moves the window of ten seconds forward; called once a second, before the reports. While the
-  /// clock stands and nothing arrives (a paused bag), the window does not move. `clock_is_missing`:
+  /// Moves the window of ten seconds forward; called once a second, before the reports. The window
+  /// does not move while the clock stands and nothing arrives (a paused bag). `clock_is_missing`:
   /// ROS time is simulated and its clock never started.
   void tick(bool clock_stands, bool clock_is_missing);
 
  private:
-  using Problems = std::map<std::string, std::string>;  // text of each kind
+  using Problems = std::map<std::string, std::string>;  // kind and text of each problem
   static constexpr std::size_t kPeriods = 10;
 
   struct Counter {
@@ -97,7 +98,7 @@ class Diagnosis {
   mutable std::mutex mutex_;
   std::string logger_;
   std::string what_;
-  std::string whats_;  // plural of what arrives
+  std::string whats_;  // plural of the kind of the input, for example "images"
   std::string topic_;
   std::string work_;
   std::map<std::string, Counter, std::less<>> counters_;

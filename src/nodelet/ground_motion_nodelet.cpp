@@ -229,7 +229,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   std::atomic<bool> sends_tf_{false};
   ros::WallTimer poll_;
   std::atomic<bool> is_waiting_{false};  // a match waits for tf or the Imu
-  tf2_ros::Buffer tf_;                   // has its own lock
+  tf2_ros::Buffer tf_;                   // may be used from any thread, since it has its own lock
   std::unique_ptr<tf2_ros::TransformListener> listener_;
 };
 

@@ -13,7 +13,7 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr int kSilence = 3;  // s without a message; then an input counts as silent
+constexpr int kSilence = 3;  // an input counts as silent after this time without a message, s
 
 /// Whether ROS time is simulated and its clock never started.
 bool clockIsMissing() {
@@ -32,14 +32,16 @@ void NodeBase::onInit() {
         std::make_unique<diagnostic_updater::Updater>(node(slow_queue_), connections, getName());
     diagnosis_.add(*updater_);
     {
-      // An early subscriber should find all outputs, not only some of them.
+      // Hold the lock until all outputs are advertised, so that an early subscriber finds all of
+      // them.
       const Lock lock(connect_mutex_);
       advertise();
       connected_ = true;
     }
     addTimer(slow_queue_, 1.0, [this] { tick(); });
   } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // the loader catches the exception without a message
+    // The loader catches the exception but does not print its text.
+    NODELET_FATAL("%s", error.what());
     throw;
   }
   NODELET_INFO("%s", greeting().c_str());
@@ -147,7 +149,8 @@ void NodeBase::tick() {
   updater_->force_update();
 }
 
-/// Reports wrong stamps only if there are several: a looped bag goes back once, which is harmless.
+/// Reports wrong stamps only if there are several, because a single wrong stamp is harmless: it
+/// occurs when a bag is looped.
 void NodeBase::reportStamps() {
   constexpr std::uint64_t kSome = 3;  // fewer wrong stamps in ten seconds are not reported
   std::string text;
@@ -165,8 +168,9 @@ void NodeBase::reportStamps() {
 }
 
 void NodeBase::reportRepeats() {
-  constexpr double kMost = 0.1;     // largest share of repeated images without a report
-  constexpr double kByStop = 10.0;  // repeated images until a stopped camera is noticed (0.1 s)
+  constexpr double kMost = 0.1;  // share of repeated images above which they are reported
+  // Images that repeat until a stopped camera is noticed, after 0.1 s.
+  constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));
   const bool often = repeated > std::max(kByStop, kMost * images);
@@ -192,8 +196,8 @@ void NodeBase::watchInputs(bool clock_stands) {
     }
     input->setPublishers(publishers);
     if (mixture.empty()) mixture = watch->mixture(publishers);
-    // Neither a paused bag nor a bag that bag.launch has yet to play is a broken camera; bag.launch
-    // sets this parameter. Any other clock that never started is an error.
+    // Silence is no fault while a bag is paused, or before bag.launch plays its bag; bag.launch
+    // sets this parameter. Otherwise, a clock that never started is a fault.
     if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
     const std::string warning = watch->tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());

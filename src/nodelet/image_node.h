@@ -26,9 +26,9 @@
 
 namespace ktgp_orb {
 
-/// Base of all nodelets that does not depend on the types of their parameters and work. It provides
-/// inputs that are subscribed while results are wanted, outputs, services, diagnostics, and a
-/// shutdown that is safe at any time.
+/// The part of the nodelets' base class that does not depend on the types of parameters and work.
+/// It provides inputs that are subscribed while results are wanted, outputs, services, diagnostics,
+/// and a shutdown that is safe at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:
 ///   settings_queue_  parameters, connections, and inputs that change settings
@@ -38,7 +38,8 @@ namespace ktgp_orb {
 ///   slow_queue_      diagnostics and the watch of the inputs, which ask the master
 class NodeBase : public nodelet::Nodelet {
  protected:
-  /// Adds the inputs and reads the parameters. An exception ends the loading; users see its text.
+  /// Adds the inputs and reads the parameters. An exception ends the loading of the nodelet, and
+  /// users see the text of the exception.
   virtual void start() = 0;
   /// Advertises outputs and services, and starts the worker.
   virtual void advertise() = 0;
@@ -48,7 +49,7 @@ class NodeBase : public nodelet::Nodelet {
   virtual std::string nodelet() const = 0;
   /// Name of the second report to the diagnostics.
   virtual std::string workName() const = 0;
-  /// Text for the log at start: what the nodelet does with which inputs.
+  /// Text for the log at start. It says what the nodelet does, and with which inputs.
   virtual std::string greeting() const = 0;
   /// Whether results are wanted now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
@@ -140,12 +141,13 @@ class NodeBase : public nodelet::Nodelet {
 template <typename Config, typename Work>
 class ImageNode : public NodeBase {
  protected:
-  /// Applies new parameters, which it may adjust; called in the settings queue. If it throws
-  /// std::exception, nothing has changed, and the old parameters stay.
+  /// Applies new parameters, and may adjust them. Called in the settings queue. If it throws
+  /// std::exception, it must not have changed anything, and the old parameters stay.
   virtual void configure(Config& config) = 0;
 
   /// Reads the parameters and serves them to dynamic_reconfigure. Throws std::invalid_argument if
-  /// they are unusable. Later bad parameters are refused, with the reason in log and diagnostics.
+  /// they are unusable. Bad parameters that are set later are refused; log and diagnostics give the
+  /// reason.
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
     requireUsable(node, nodelet());

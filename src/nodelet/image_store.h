@@ -11,15 +11,16 @@
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken: at most kImages, and only kLeast
-/// if they need more than kBytes.
+/// Stores the newest images by their stamps until they are taken: at most kImages images, and at
+/// most kLeast images if they need more than kBytes of memory.
 class ImageStore {
  public:
-  static constexpr std::size_t kImages = 40;  // enough for more than a second
+  static constexpr std::size_t kImages = 40;  // images of more than a second
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Sets how many more images may wait, however large they are. Takes effect with the next image.
+  /// Sets how many images may wait in addition to these limits, however large they are. Takes
+  /// effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count:

@@ -82,7 +82,8 @@ void ImageInput::open() {
       ros::VoidPtr(), hints_);
 }
 
-// Each publisher of a topic has its own counter, so gaps mean nothing if there are two publishers.
+// Each publisher of a topic has its own counter, so gaps have no meaning if there are two
+// publishers.
 std::uint32_t ImageInput::lostBefore(const sensor_msgs::Image& image) {
   if (is_new_subscription_.exchange(false) || known_publishers_ > 1) numbers_.restart();
   return numbers_.lostBefore(image.header.seq);

@@ -34,7 +34,8 @@ class Input {
   /// Subscribes or unsubscribes. Call it again after enable().
   void subscribe(bool wanted);
 
-  /// Only for the thread that asks the master. Null if silence of this input is not reported.
+  /// The watch of this input; null if the silence of the input is not reported. Only the thread
+  /// that asks the master may use it.
   InputWatch* watch() { return watch_.get(); }
   /// Sets the number of publishers of the topic; called by the thread that asks the master.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
@@ -122,8 +123,9 @@ class ImageInput : public Input {
   /// `lost`: number of images that were sent, according to header.seq, but did not arrive.
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
 
-  /// Reads the parameters once, so that no later change of them can make the running input fail.
-  /// Throws std::invalid_argument, with advice, for a transport that is not installed.
+  /// Reads the parameters only here, so that a later change of the parameters cannot make the
+  /// running input fail. Throws std::invalid_argument, with advice, for a transport that is not
+  /// installed.
   ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size,
              Callback callback);
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
@@ -137,7 +139,7 @@ class ImageInput : public Input {
   std::uint32_t lostBefore(const sensor_msgs::Image& image);
 
   image_transport::ImageTransport transport_;
-  std::string transport_name_;  // raw, compressed, ...
+  std::string transport_name_;  // name of the image transport: raw, compressed, ...
   image_transport::TransportHints hints_;
   std::uint32_t queue_size_;
   Callback callback_;

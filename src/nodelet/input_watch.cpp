@@ -31,7 +31,7 @@ std::set<std::string> publishersOf(const std::string& topic) {
   request[0] = ros::this_node::getName();
   if (!ros::master::execute("getSystemState", request, response, state, false)) return {};
   std::set<std::string> names;
-  XmlRpc::XmlRpcValue& publishers = state[0];  // [[topic, [node, ...]], ...]
+  XmlRpc::XmlRpcValue& publishers = state[0];  // a list: [[topic, [node, ...]], ...]
   // NOLINTNEXTLINE(modernize-loop-convert): values of XML-RPC are not iterated everywhere
   for (int i = 0; i < publishers.size(); ++i) {
     if (static_cast<std::string>(publishers[i][0]) != topic) continue;

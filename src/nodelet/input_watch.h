@@ -9,15 +9,16 @@ namespace ktgp_orb {
 std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
 
 /// Checks once a second whether messages arrive on a topic, and reports likely causes if they do
-/// not. Asks the master, which may take long.
+/// not. Asks the master, so a call may take long.
 class InputWatch {
  public:
   /// `type`: type of the messages. `what`: what users call a message, for example "homography".
   /// `transport`: image transport.
   InputWatch(std::string topic, std::string type, std::string what, std::string transport = "raw");
 
-  /// `arrived`: number of messages since the start. `publishers`: number of publishers of the topic
-  /// if subscribed. Returns a warning to print, or an empty string. Each cause is reported once.
+  /// `arrived`: number of messages since the start. `publishers`: number of publishers of the
+  /// topic; valid only if `subscribed`. Returns a warning to print, or an empty string. Each cause
+  /// is reported once.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
   /// Why messages are missing, according to the master's last answer; empty if the reason is
@@ -27,7 +28,8 @@ class InputWatch {
   /// Time without a message while subscribed, s.
   int silentSeconds() const { return subscribed_ ? silent_seconds_ : 0; }
 
-  /// A warning with the names of the nodes if several publish the topic; empty if only one does.
+  /// A warning with the names of the nodes if several nodes publish the topic; empty if only one
+  /// node does.
   std::string mixture(std::uint32_t publishers) const;
 
  private:

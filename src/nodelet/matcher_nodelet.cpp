@@ -25,7 +25,8 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-constexpr double kMinShare = 0.5;  // share of frames with a homography; below it there is a warning
+// Share of frames with a homography below which there is a warning.
+constexpr double kMinShare = 0.5;
 
 }  // namespace
 
@@ -74,7 +75,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
 
   std::atomic<bool> lazy_{true};
   std::atomic<double> max_rate_{0.0};  // Hz
-  std::atomic<bool> is_fixed_{false};  // the reference mode is fixed
+  std::atomic<bool> is_fixed_{false};  // whether the reference mode is fixed
   MatcherFacts facts_;
 };
 
@@ -178,7 +179,8 @@ void MatcherNodelet::configure(KtgpConfig& config) {
   camera_info_->enable(config.rectify || settings_.configuration().sequence.matcher.geometry !=
                                              GeometryModel::homography);
   sendConfiguration();
-  connectionsChanged();  // lazy and rectify may have changed
+  // The parameters lazy and rectify may have changed.
+  connectionsChanged();
 }
 
 /// Sends the configuration to the worker, where it takes effect as a whole between two frames. A
@@ -238,8 +240,8 @@ void MatcherNodelet::rereadReference(bool at_once) {
   }
 }
 
-// A frame that ~set_reference took is lost when the process ends. A parameter at the master
-// remembers that there was such a frame, so that the next process can report its loss.
+// A frame that ~set_reference took is lost when the process ends. A parameter at the master records
+// that there was such a frame, so that the next process can report the loss.
 void MatcherNodelet::beforeReport() {
   ros::NodeHandle node = privateNode(slow_queue_);
   const bool holds = facts_.holds_set_reference;
@@ -279,9 +281,11 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   requireSmall("target", request.target);
   Configuration configuration = worker_.ask([](MatcherWork& work) { return work.configuration(); });
   configuration.sequence.reference.mode = ReferenceMode::fixed;
-  configuration.view = {};  // without the camera's lens and masks: the images may be from elsewhere
+  // Do not use the camera's lens and masks, since the images may be from another camera.
+  configuration.view = {};
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  const char* image = "reference: ";  // prefix of errors, which do not name the image
+  // Beginning of the error text, which would not name the image otherwise.
+  const char* image = "reference: ";
   try {
     MessageMatcher matcher(configuration);
     image = "target: ";

@@ -24,7 +24,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
     throw std::invalid_argument("rectify is on, but the images on " + image_topic +
                                 " are rectified already (see the parameter calibration)");
   }
-  // If the file name is unchanged, keep the reference, also one from ~reference.
+  // If the file name is unchanged, keep the reference, even if it came from ~reference.
   const bool same_image = is_configured_ && config.reference_image == reference_file_;
   const FileState state = same_image ? file_state_ : stateOf(config.reference_image);
   const auto file =
@@ -41,7 +41,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   wanted.view.camera =
       wanted.sequence.matcher.geometry == GeometryModel::homography ? nullptr : camera_;
   if (is_configured_) ++wanted.number;
-  configuration_ = std::move(wanted);  // nothing throws from here on
+  configuration_ = std::move(wanted);  // no statement from here on throws
   reference_file_ = config.reference_image;
   mask_file_ = config.mask_image;
   file_reference_ = file;
@@ -49,7 +49,8 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   is_configured_ = true;
 }
 
-// camera_info comes with every image and rarely changes; an equal message is ignored.
+// A camera_info arrives with every image and rarely changes, so a message that equals the previous
+// one is ignored.
 bool MatcherSettings::setLens(const sensor_msgs::CameraInfo& info, std::string& problem) {
   LensConstPtr lens;
   try {
@@ -93,7 +94,7 @@ void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
 
 void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
   const bool none = image->width == 0 || image->height == 0;
-  if (!none) greyImage(image, configuration_.stretch);  // refuses a bad image now
+  if (!none) greyImage(image, configuration_.stretch);  // throws now for a bad image
   configuration_.reference_image = none ? file_reference_ : image;
   ++configuration_.number;
 }

@@ -29,8 +29,9 @@ class MatcherSettings {
   /// Both functions throw RefusedImage for an unusable image.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
-  /// Reads the reference file again if it has changed. Unless `at_once`, waits until the file is
-  /// the same as at the last call, since it may be half written. Throws RefusedImage.
+  /// Reads the reference file again if it has changed. If `at_once` is false, reads a changed file
+  /// only if it is the same as at the last call, since a file may be half written. Throws
+  /// RefusedImage.
   bool rereadReference(bool at_once);
   const std::string& referenceFile() const { return reference_file_; }
 

@@ -9,7 +9,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr std::uint32_t kDataQueue = 10;  // messages queued for a slow subscriber
+constexpr std::uint32_t kDataQueue = 10;  // queue size, in messages, for a slow subscriber
 
 // An overlay is drawn at least this often, even if newer images are always waiting.
 constexpr std::chrono::seconds kLongestWithoutOverlay{1};
@@ -34,7 +34,7 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 
-/// Adds a topic. Its messages are made only if somebody has subscribed.
+/// Adds a topic. A message is made only if the topic has a subscriber.
 template <typename Message, typename Make>
 void MatcherWork::addTopic(Outputs& outputs, const std::string& name, Make make) {
   const ros::Publisher publisher = outputs.advertise<Message>(name, kDataQueue);
@@ -103,7 +103,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   if (has_reference && status != Status::ok) facts_.last_failure = status;
 }
 
-/// Why points are in raw pixels although rectified ones are wanted; empty: no problem.
+/// Why points are in raw pixels although rectified points are wanted; empty: no problem.
 std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   const Configuration& configuration = matcher_.configuration();
   if (!configuration.rectify || match.frame->lens) return "";

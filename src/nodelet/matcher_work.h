@@ -14,7 +14,8 @@
 
 namespace ktgp_orb {
 
-/// Counts frames in which things stand still although the scene moves (MatchResult::still).
+/// Name of the counter of frames in which things stand still although the scene moves
+/// (MatchResult::still).
 constexpr const char* kStillThings = "frames with things that stand still";
 
 /// State that the worker shows to other threads.
@@ -23,14 +24,14 @@ struct MatcherFacts {
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last failure of a frame with a reference
-  std::atomic<bool> finds_geometries{false};  ///< two-view geometries are also estimated
+  std::atomic<bool> finds_geometries{false};  ///< whether two-view geometries are estimated, too
 };
 
 /// The worker's part of the matcher: matches images and publishes the topics that have subscribers.
 /// Used only in the worker's thread.
 class MatcherWork {
  public:
-  /// `newer_waits` returns whether an image has arrived that is newer than the current one.
+  /// `newer_waits`: returns whether an image newer than the current image has arrived.
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
               std::function<bool()> newer_waits, std::string camera_info_topic,
               MatcherFacts& facts);
@@ -61,10 +62,12 @@ class MatcherWork {
   std::function<bool()> newer_waits_;
   std::string camera_info_topic_;
   MatcherFacts& facts_;
-  std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one topic
+  // functions that publish one topic each
+  std::vector<std::function<void(const MatchedFrame&)>> topics_;
   image_transport::Publisher overlay_;
   Diagnosis::Clock::time_point last_overlay_;
-  std::uint64_t without_reference_ = 0;  // frames in a row without a reference, up to the last one
+  // Number of successive frames without a reference, up to the newest frame.
+  std::uint64_t without_reference_ = 0;
 };
 
 }  // namespace ktgp_orb

@@ -85,10 +85,11 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// Uses every homography, since they form a chain from frame to frame.
+/// Passes on every homography, since the homographies form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // A frame with a wrong stamp breaks no chain; after a loop, the next frame starts a new chain.
+  // Skips a frame whose stamp went back: a single wrong stamp does not break the chain, and if the
+  // recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
                  homographyOf(*message, size_));
@@ -202,7 +203,7 @@ void MosaicNodelet::advertise() {
       "mosaic", 1, true, [this] { worker_.post([](MosaicWork& work) { work.publishPicture(); }); });
   const auto poses = outputs_.advertise<HomographyStamped>("homography", 10);
   addService<SaveMosaic>("save", long_queue_, [this](auto& request, auto& response) {
-    save(request, response);  // takes a while
+    save(request, response);  // saving takes a while
   });
   addService<Trigger>("reset", service_queue_, [this](auto& /*request*/, auto& response) {
     worker_.post([](MosaicWork& work) { work.reset(); });

@@ -11,8 +11,8 @@ namespace {
 
 using Kind = ParameterInfo::Kind;
 
-// Private parameters that are not dynamic. image_transport reads them, the node reads them once at
-// start, or the matcher stores them across a restart.
+// Private parameters that are not dynamic: image_transport reads the first, the node reads the
+// second once at start, and the matcher uses the third to remember a reference across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
@@ -30,7 +30,8 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
          "a whole number: write " + digits.str());
 }
 
-/// Refuses a text for a number. YAML 1.1 takes 1e3 for a text, so the message suggests digits.
+/// Refuses a text that is given for a number. YAML 1.1 reads 1e3 as a text, so the message suggests
+/// to write digits.
 [[noreturn]] void refuseText(const std::string& parameter, const std::string& text, Kind kind) {
   char* end = nullptr;
   const double number = std::strtod(text.c_str(), &end);

@@ -72,7 +72,8 @@ void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
 
 void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // A frame with a wrong stamp breaks no chain; after a loop, the next frame starts a new chain.
+  // Skips a frame whose stamp went back: a single wrong stamp does not break the chain, and if the
+  // recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   ready_.clear();
   rectified_ = message->rectified != 0;
@@ -86,7 +87,7 @@ void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
 }
 
 // Over a network, an image may arrive after its homography, so wait for it until a newer image
-// arrives. A late worker skips all but the newest frames.
+// arrives. A late worker processes only the newest frames and skips the others.
 void StabilizerWork::finish() {
   const std::size_t most = static_cast<std::size_t>(stabilizer_.options().lag) + 2;
   std::size_t complete = 0;

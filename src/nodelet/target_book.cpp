@@ -91,7 +91,8 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
-/// Locks the folder of the images, since a lock on the list would end with its next replacement.
+/// Locks the folder of the images, since a lock on the list would end as soon as a new list
+/// replaces it.
 void TargetBook::lock() {
   const std::string folder = folderOf(file_).string();
   std::error_code error;
@@ -147,7 +148,7 @@ void TargetBook::add(const SetTarget::Request& request) {
   set(request, &TargetFinder::add);
 }
 
-/// Also replaces a target that is still to be read or was refused.
+/// Also replaces a target that was refused, or that waits to be read.
 void TargetBook::replace(const SetTarget::Request& request) {
   const bool is_unused =
       !areThere(lists_.used, request.id) &&
@@ -215,8 +216,9 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   return list;
 }
 
-/// Deletes files that a killed node wrote for a target, or had not yet deleted. Touches only names
-/// that writeImages() gives, such as 12.png and 12.unfinished0.png.
+/// Deletes files of the folder that no entry uses, because a killed node wrote them for a target or
+/// had not yet deleted them. Touches only files with names that writeImages() gives, such as 12.png
+/// and 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;
   for (const TargetEntry& entry : entries) {
@@ -230,7 +232,7 @@ void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   }
 }
 
-/// Deletes only images in the folder of the list, since all others belong to the user.
+/// Deletes only images in the folder of the list, since all other images belong to the user.
 void TargetBook::deleteImages(const std::vector<TargetEntry>& of) const {
   if (file_.empty()) return;
   std::error_code none;

@@ -27,10 +27,11 @@ class TargetBook {
   TargetBook(const TargetBook&) = delete;
   TargetBook& operator=(const TargetBook&) = delete;
 
-  /// Reads the list in `file` if that exists and has contents, else in `targets`; either name may
-  /// be empty. After this, loadNext() adds the targets one by one. As long as this book exists, no
-  /// other book can open `file`. Throws std::invalid_argument with the reason if the list cannot be
-  /// read, if another book uses it, or if the folder for its images cannot be created.
+  /// Reads the list in `file` if this file exists and is not empty, or else the list in `targets`.
+  /// Either name may be empty. After this, loadNext() adds the targets one by one. As long as this
+  /// book exists, no other book can open `file`. Throws std::invalid_argument with the reason if
+  /// the list cannot be read, if another book uses it, or if the folder for its images cannot be
+  /// created.
   void open(const std::string& targets, const std::string& file);
   /// Path of the kept list, with links resolved; empty if no list is kept.
   const std::string& file() const { return file_; }
@@ -53,8 +54,8 @@ class TargetBook {
  private:
   struct Lists {
     std::vector<TargetEntry> used;
-    std::vector<TargetEntry> refused;  // refused targets stay in the kept list
-    std::deque<TargetEntry> waiting;   // still to be read
+    std::vector<TargetEntry> refused;  // refused targets, which stay in the kept list
+    std::deque<TargetEntry> waiting;   // targets that wait to be read
 
     /// Removes and returns the targets with this id.
     std::vector<TargetEntry> takeOut(const std::string& id);
@@ -63,7 +64,8 @@ class TargetBook {
   void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
-  /// Writes a new list beside the kept one, which commit() replaces; null if no list is kept.
+  /// Writes a new list beside the kept list; commit() of the result replaces the kept list. Null if
+  /// no list is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;

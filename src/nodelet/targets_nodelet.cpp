@@ -141,8 +141,8 @@ void TargetsWork::publish(const TargetDetectionsPtr& message,
 
 /// Finds flat targets in images. doc/targets.md describes topics, services and parameters.
 ///
-/// TargetBook, the files and the conversion of images are used only in the queue of long services.
-/// Between two images, the worker adds a target or searches the image of a request.
+/// Only the queue of long services uses TargetBook, reads and writes files, and converts the images
+/// of requests. Between two images, the worker adds a target or searches the image of a request.
 class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
  public:
   ~TargetsNodelet() override { stop(); }
@@ -232,7 +232,8 @@ void TargetsNodelet::addChange(const std::string& name, const Change& change) {
   });
 }
 
-/// Returns and logs a warning if the new target looks the same in another pose; else an empty text.
+/// Returns and logs a warning if the new target looks the same in another pose. Otherwise returns
+/// an empty text.
 std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
   std::string text = worker_.ask([&](TargetsWork& work) { return work.finder().ambiguity(id); });
   if (text.empty()) return text;

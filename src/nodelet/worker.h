@@ -34,7 +34,7 @@ class Inbox {
     kinds_[kind].most_bytes = bytes;
   }
 
-  /// Adds an item; returns how many older items were dropped. `bytes`: memory of the item.
+  /// Adds an item that holds `bytes` of memory. Returns how many older items were dropped.
   std::size_t put(std::size_t kind, std::size_t bytes, Item item) {
     std::size_t dropped = 0;
     {
@@ -53,7 +53,8 @@ class Inbox {
     return dropped;
   }
 
-  /// Waits, then replaces `items` by all items that have arrived. Returns false after close().
+  /// Waits for an item, then replaces `items` by all items that have arrived. Returns false after
+  /// close().
   bool take(std::vector<Item>& items) {
     items.clear();
     std::unique_lock<std::mutex> lock(mutex_);
@@ -135,7 +136,7 @@ class Worker {
     afterwards_ = std::move(afterwards);
     thread_ = std::thread([this] { run(); });
   }
-  /// Waits for the running job; the waiting jobs are dropped.
+  /// Waits for the end of the running job, and drops the waiting jobs.
   void stop() {
     inbox_.close();
     if (thread_.joinable()) thread_.join();
@@ -166,7 +167,8 @@ class Worker {
     using Result = decltype(question(std::declval<State&>()));
     auto task = std::make_shared<std::packaged_task<Result(State&)>>(std::move(question));
     std::future<Result> result = task->get_future();
-    // Only the job holds the task, so dropping the job breaks the promise and ends the wait.
+    // Only the job owns the task. If the job is dropped, the promise is broken and the wait below
+    // ends.
     post([task = std::move(task)](State& state) { (*task)(state); });
     return result.get();
   }

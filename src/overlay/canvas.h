@@ -6,25 +6,27 @@
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/two_view.h"
 
-/// Pixels, colours and text, for all drawings.
+/// Helpers for pixels, colours and text, which all drawings use.
 namespace ktgp_orb::overlay {
 
 inline const cv::Scalar kWhite(255, 255, 255);
 inline const cv::Scalar kBlack(0, 0, 0);
 
-/// Colour of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green. The
-/// colours are from Okabe & Ito, "Color Universal Design" (2008), and can be distinguished with all
-/// kinds of colour vision; grey is for matches that the ratio filter removed.
+/// Colour (BGR) of the matches that ended at a stage, from knn to ktgp. Final matches of an
+/// epipolar geometry are green. The colours are from Okabe & Ito, "Color Universal Design" (2008),
+/// and can be distinguished with all kinds of colour vision. Grey is for matches that the ratio
+/// filter removed.
 const cv::Scalar& colourOf(Level level, Geometry geometry);
 
 /// Copies the image as 8-bit BGR into `region`, which must have the same size. Throws
 /// std::invalid_argument for an image that is neither CV_8UC1 nor CV_8UC3.
 void copyAsBgr(const cv::Mat& image, cv::Mat region);
 
-/// Sizes of text and strokes, in px, for an image size.
+/// Sizes of text and strokes, in px, that suit an image size.
 class Typeface {
  public:
-  /// Chooses sizes for an image of `size`: legible at 320x240, and in proportion at 1920x1080.
+  /// Chooses sizes for an image of `size`, so that text is legible at 320x240 and in proportion at
+  /// 1920x1080.
   explicit Typeface(const cv::Size& size);
 
   int lineHeight() const { return line_height_; }

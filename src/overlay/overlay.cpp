@@ -21,12 +21,13 @@ namespace {
 using util::format;
 using util::imagePoint;
 
-/// True for `chosen` of `count` indices, evenly spaced.
+/// Chooses `chosen` of `count` indices, evenly spaced: true if index `i` is chosen.
 bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
   return (i + 1) * chosen / count != i * chosen / count;
 }
 
-// Positions have a resolution of a sixteenth of a pixel, so that slow motion does not jump.
+// Drawing positions have a resolution of a sixteenth of a pixel, so that the drawing does not jump
+// if the motion is slow.
 constexpr int kFractionBits = 4;
 
 cv::Point subpixel(double x, double y) {
@@ -38,7 +39,7 @@ cv::Point subpixel(const cv::Point2f& p) {
   return subpixel(p.x, p.y);
 }
 
-/// Draws the image, dimmed, as a background. Returns false if the image is empty.
+/// Draws the dimmed image as a background. Returns false if the image is empty.
 bool drawDimmed(const cv::Mat& image, double share, double offset, cv::Mat& canvas) {
   canvas.create(image.size(), CV_8UC3);
   if (canvas.empty()) return false;
@@ -57,7 +58,8 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
   }
 }
 
-/// Draws a stroke for each final match, from its old to its new position, which gets a dot.
+/// Draws a stroke for each final match from its reference position to its target position, and a
+/// dot at the target position.
 void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
@@ -71,32 +73,33 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-/// Draws the border of the reference image, mapped by the homography (if there is one), into the
-/// target's part of the canvas.
+/// Draws the border of the reference image into the target's part of the canvas. The border is
+/// mapped by the homography; nothing is drawn if there is none.
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  // The outline ends where points are 50 times as far away as the nearest part.
+  // The outline is cut off where points are 50 times as far away as its nearest part.
   constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : homography::partInView(view, corners, kNearHorizon)) {
     const Eigen::Vector2d p = homography::project(view, corner);
-    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
+    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // outside the range of OpenCV's drawing functions
     outline.push_back(subpixel(p.x(), p.y()));
   }
-  // A black line beneath keeps the white line visible on white parts of the image.
+  // A wider black line below the white line keeps it visible on white parts of the image.
   cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
   cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
 }
 
-/// Draws the epipolar lines of a few final matches into the target's part of the canvas, if the
-/// geometry is epipolar. A line that misses its match because of lens distortion is left out.
+/// If the geometry is epipolar, draws the epipolar lines of a few final matches into the target's
+/// part of the canvas. Because of lens distortion, a line may miss its match; such a line is left
+/// out.
 void drawEpipolarLines(const FrameView& reference, const FrameView& target,
                        const MatchResult& result, int stroke, cv::Mat& canvas) {
   constexpr std::size_t kLines = 8;
-  constexpr double kMost = 3.0;  // px between a line and its match
+  constexpr double kMost = 3.0;  // largest distance between a line and its match, px
   if (result.geometry != Geometry::epipolar) return;
   const std::size_t count = countAtLeast(result.correspondences, Level::ktgp);
   std::size_t i = 0;
@@ -110,7 +113,7 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
     const Eigen::Vector2d match(at.x, at.y);
     const double distance = line.dot(match.homogeneous()) / line.head<2>().norm();
     if (!(std::abs(distance) < kMost)) continue;
-    // The line is drawn across the whole canvas, through its point nearest to the match.
+    // The line is drawn across the whole canvas; its middle is the point nearest to the match.
     const Eigen::Vector2d along =
         (canvas.cols + canvas.rows) * Eigen::Vector2d(-normal.y(), normal.x());
     const Eigen::Vector2d middle = match - distance * normal;
@@ -134,7 +137,8 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 
-/// Draws the reference left and the target right; the area below the shorter image is black.
+/// Draws the reference at the left and the target at the right. The area below the shorter image is
+/// black.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas) {
   canvas.create(std::max(reference.rows, target.rows), reference.cols + target.cols, CV_8UC3);
   canvas.setTo(cv::Scalar::all(0));
@@ -142,9 +146,9 @@ void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& ca
   if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
 }
 
-/// Draws reference and target side by side. Lines join at most 150 matches of at least `level`,
-/// evenly chosen, since a thousand lines would hide both images. The other matches of this level
-/// are dots. `removed`: matches below `level` are dots, too.
+/// Draws reference and target side by side. Lines join at most 150 matches of `level` or above,
+/// evenly chosen, since a thousand lines would hide both images. The other matches of these levels
+/// are drawn as dots. `removed`: whether matches below `level` are drawn as dots, too.
 void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  Level level, bool removed, cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);
@@ -184,9 +188,9 @@ cv::Mat toGrey(const cv::Mat& image) {
   return grey;
 }
 
-/// Draws OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
-/// values, after the images were given the same mean and contrast. Outside the warped reference, or
-/// everywhere if there is no homography, the darkened target is shown.
+/// Draws OverlayStyle::difference without the panel. Each pixel is 128 + (target - warped
+/// reference) / 2 in grey values, after both images were given the same mean and contrast. The
+/// darkened target is shown outside the warped reference, or everywhere if there is no homography.
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
@@ -249,10 +253,10 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
   return text;
 }
 
-/// Draws the panel at the left, from row `top` on or, if there is no room, at the top. It shows
-/// status, milliseconds, uncertainty of the corners and, for each stage, a label, the number of
-/// matches that ended there, and a bar in the colour of the stage. `reference_size`: size of the
-/// reference image, px.
+/// Draws the panel at the left, from row `top` on, or from the top on if there is not enough room
+/// below this row. The panel shows the status, the time in milliseconds and the uncertainty of the
+/// corners. For each stage it shows a label, the number of matches that ended there, and a bar in
+/// the colour of the stage. `reference_size`: size of the reference image, px.
 void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
                cv::Mat& canvas) {
   const Typeface face(canvas.size());
@@ -263,7 +267,8 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   for (const Correspondence& c : result.correspondences) {
     ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
   }
-  if (result.status == Status::ok) counts.back() = result.inliers;  // guided matches count, too
+  // Inliers include the guided matches.
+  if (result.status == Status::ok) counts.back() = result.inliers;
   const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
 
   const std::string title = headline(result, reference_size);
@@ -323,7 +328,8 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
       overlay::drawDifference(reference, target, result, canvas);
       break;
   }
-  // Side by side, a shorter reference leaves room for the panel below it.
+  // In the style side_by_side, a reference that is shorter than the target leaves room for the
+  // panel below it.
   const int top = style == OverlayStyle::side_by_side ? reference.image.rows : 0;
   overlay::drawPanel(result, reference.image.size(), top, canvas);
 }
@@ -340,7 +346,7 @@ void drawLevel(const FrameView& reference, const FrameView& target, const MatchR
 void drawStages(const FrameView& reference, const FrameView& target, const MatchResult& result,
                 cv::Mat& canvas) {
   const char* const names[] = {"(a) KNN", "(b) KNN+TF", "(c) KNN+TF+GMS", "(d) KNN+TF+GMS+PROSAC"};
-  constexpr int kGap = 8;  // px between panels
+  constexpr int kGap = 8;  // gap between panels, px
   cv::Mat panel;
   for (int i = 0; i < 4; ++i) {
     const auto level = static_cast<Level>(i);

@@ -35,7 +35,7 @@ void setAll(const Value& value, const std::tuple<Options&...>& options) {
   std::apply([&](Options&... option) { (set(option, value), ...); }, options);
 }
 
-/// Sets the core's options that the table names.
+/// The options of the core, set from the parameters.
 SequenceOptions optionsFrom(const Parameters& p) {
   SequenceOptions options;
   auto& [orb, matcher, reference] = options;
@@ -47,9 +47,9 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether we choose options for a fixed reference: not if a preset other than video was set. T_w
-/// shows such a preset: ktgp and teblid set it to the threshold of a descriptor, and the presets
-/// for strongly different views set it to 1.
+/// Whether we choose options for a fixed reference. If a preset other than video was set, we do
+/// not. T_w shows whether such a preset was set: ktgp and teblid set it to the threshold of a
+/// descriptor, and the presets for strongly different views set it to 1.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||
@@ -104,7 +104,8 @@ std::string noteOnFixed(const Parameters& parameters) {
 }
 
 std::string noteOnSize(int longer_side) {
-  constexpr int kLargest = 2500;  // px; 700 px at the top of the pyramid's 8 levels
+  // Longer side, px; the top of the pyramid's 8 levels then has 700 px.
+  constexpr int kLargest = 2500;
   if (longer_side <= kLargest) return {};
   return "the images are " + std::to_string(longer_side) +
          " px long; made 1000 to 2500 px long first, they may be recognised";

@@ -12,23 +12,24 @@ namespace ktgp_orb {
 struct PipelineOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  Parameters parameters{};  ///< source of `orb` and `matcher`; T_w is never 0
+  /// The parameters from which `orb` and `matcher` were made; T_w is never 0.
+  Parameters parameters{};
 };
 
 /// Converts the parameters to the core's types. Throws std::invalid_argument with the parameter's
 /// name for values that the core refuses.
 PipelineOptions pipelineOptions(const Parameters& parameters);
 
-/// Does the same for a sequence, with the options of the reference. The paper's method is for
-/// neighbouring frames, but a fixed reference may be seen from anywhere. So reference_mode fixed
-/// replaces defaults by options for strongly different views, unless a preset was chosen.
+/// Like pipelineOptions(), for a sequence, with the options of the reference. The paper's method is
+/// for neighbouring frames, but a fixed reference may be seen from anywhere. So reference_mode
+/// fixed replaces defaults by options for strongly different views, unless a preset was chosen.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
 /// Tells users which options sequenceOptions() chose for a fixed reference; empty if it chose none.
 std::string noteOnFixed(const Parameters& parameters);
 
-/// Advice for users whose images have this longer side, px, and are not recognised; empty for
-/// images that are small enough.
+/// Advice for users whose images are not recognised. `longer_side`: longer side of the images, px.
+/// Empty if the images are small enough.
 std::string noteOnSize(int longer_side);
 
 /// The style of the overlay. For "auto" it depends on the reference mode, because points move too

@@ -69,8 +69,8 @@ std::vector<ParameterRow> readRows() {
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;
-  const std::string matcher =
-      "matcher";  // not a temporary, since GCC 13 and 14 would warn of a dangling reference
+  // A named variable, since GCC 13 and 14 would warn of a dangling reference to a temporary.
+  const std::string matcher = "matcher";
   for (const ParameterInfo& info : parametersOf(matcher)) {
     rows.push_back({info, fields[rows.size()]});
   }

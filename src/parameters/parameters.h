@@ -38,7 +38,7 @@ class Limits {
   double high_ = 0.0;
 };
 
-/// A parameter of a nodelet, as its table describes it.
+/// A parameter of a nodelet, as the table of the nodelet describes it.
 struct ParameterInfo {
   enum class Kind { boolean, whole, number, text };
 
@@ -50,7 +50,7 @@ struct ParameterInfo {
   Limits limits{};                     ///< range of a number
   std::vector<std::string> choices{};  ///< allowed texts; empty: any
 
-  /// Text on the allowed values: "a number in [0, 1]", "range or tf_height", ...
+  /// Text that describes the allowed values: "a number in [0, 1]", "range or tf_height", ...
   std::string expected() const;
 };
 
@@ -61,7 +61,7 @@ const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 /// A row of a table. Throws std::invalid_argument for an unknown nodelet or parameter.
 const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
 
-/// A parameter of the matcher and its value in Parameters.
+/// A parameter of the matcher, and the member of Parameters that holds its value.
 struct ParameterRow : ParameterInfo {
   using Field = std::variant<bool Parameters::*, int Parameters::*, double Parameters::*,
                              std::string Parameters::*>;

@@ -33,18 +33,18 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   return m;
 }
 
-/// Whether the target is in front of the camera, with its face towards the camera.
+/// Whether the target is in front of the camera and its face is turned to the camera.
 bool isSeen(const Eigen::Isometry3d& pose) {
   return pose.translation().z() > 0.0 && pose.linear().col(2).dot(pose.translation()) > 0.0;
 }
 
-/// The two solutions of IPPE from the corners, without those behind the camera or with the target's
-/// face turned away.
+/// The two solutions of IPPE for the four corners. Solutions that are behind the camera, or in
+/// which the target's face is turned away, are left out.
 std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
                                         const Eigen::Matrix3d& camera, const cv::Size& size,
                                         const Eigen::Matrix3d& target_from_reference) {
   std::vector<cv::Point3d> on_target;
-  std::vector<cv::Point2d> on_image;  // for a focal length of 1
+  std::vector<cv::Point2d> on_image;  // the corners in the image, for a focal length of 1
   const Eigen::Matrix3d to_plane = camera.inverse() * homography;
   const double sign =
       to_plane.row(2).dot(Eigen::Vector3d(0.5 * size.width, 0.5 * size.height, 1.0));
@@ -74,17 +74,18 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
   return starts;
 }
 
-/// The problem of estimation::RobustFit: find the pose whose homography, reference -> image, is
-/// nearest to a given homography in units of its deviation.
+/// The problem for estimation::RobustFit: find the pose whose homography from the reference to the
+/// image is nearest to a given homography, in units of the standard deviations of the entries.
 struct PoseProblem {
   using State = Eigen::Isometry3d;
 
-  Vector8 wanted;  // entries of the homography
+  Vector8 wanted;  // entries of the given homography
   util::SmallMatrix whitening;
   Eigen::Matrix3d camera, target_from_reference;
-  int parameters = 6;  // 3 if the rotation is held fixed
+  int parameters = 6;  // number of fitted parameters; 3 if the rotation is held fixed
 
-  /// Moves by x, y, z in units of the distance, and rotates in place about the camera's axes.
+  /// The pose after a step. The first three entries move the target in x, y and z, in units of its
+  /// distance. The last three rotate it in place about the camera's axes, rad.
   static Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const estimation::Step& step) {
     Eigen::Isometry3d out = pose;
     if (step.size() > 3) out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
@@ -100,7 +101,8 @@ struct PoseProblem {
 
   void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
                  estimation::NormalEquations& sums) const {
-    constexpr double kStep = 1e-6;  // relative: the differences are exact to 1e-10
+    // Step for numeric derivatives, relative; the differences are then exact to 1e-10.
+    constexpr double kStep = 1e-6;
     util::SmallMatrix slope(8, parameters);
     for (int i = 0; i < parameters; ++i) {
       const estimation::Step step = kStep * estimation::Step::Unit(parameters, i);
@@ -111,11 +113,13 @@ struct PoseProblem {
   }
 };
 
-/// The pose that the fit finds from a start; empty if it does not converge in front of the camera.
+/// The pose that the fit finds when it begins at `pose`; empty if it does not converge in front of
+/// the camera.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
-  rules.most_steps = 300;  // with large errors, Gauss-Newton zigzags in short steps
-  rules.converged = 1e-7;  // rad, and share of the distance
+  rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
+  // In rad for the rotation, and as a share of the distance for the position.
+  rules.converged = 1e-7;
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
   if (fit.minimise(problem, rules, pose) != estimation::FitEnd::converged || !isSeen(pose))
@@ -134,19 +138,20 @@ std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   return found;
 }
 
-/// Small rotation about the camera's axes from one pose to another, rad.
+/// The rotation about the camera's axes (a rotation vector, rad) that turns one pose into the
+/// other.
 Eigen::Vector3d rotationBetween(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to) {
   const Eigen::AngleAxisd between(Eigen::Matrix3d(to * from.transpose()));
   return between.angle() * between.axis();
 }
 
-/// The second pose of an ambiguous view. If errors are large, the fit can have a single minimum,
+/// The second pose of an ambiguous view. If errors are large, the fit may have only one minimum,
 /// although the other solution of IPPE explains the homography nearly as well and lies outside the
-/// covariance of that minimum. This fits only the position, with the rotation of the other solution
-/// held fixed. Empty if there is no such solution.
+/// covariance of that minimum. In this case this function holds the rotation of the other solution
+/// fixed and fits only the position. Empty if there is no such solution.
 std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PoseProblem& problem,
                                            const std::vector<Eigen::Isometry3d>& starts) {
-  constexpr double kReached = 11.34;  // chi-square of three degrees of freedom, 99 %
+  constexpr double kReached = 11.34;  // 99 % quantile of chi-square with three degrees of freedom
   const Eigen::Matrix3d rotation = found.target_to_camera.linear();
   const Eigen::Matrix3d reach =
       util::inverseOf(Eigen::Matrix3d(found.covariance.bottomRightCorner<3, 3>()));
@@ -166,8 +171,8 @@ std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PosePr
   return fitFrom(*rival, held);
 }
 
-/// W with W covariance W' = I. Entries of H differ in size by five orders of magnitude, so each is
-/// taken in units of its own deviation.
+/// Returns the matrix W with W covariance W' = I. Entries of H differ in size by five orders of
+/// magnitude, so each entry is first divided by its standard deviation.
 std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   const Vector8 deviation = covariance.diagonal().cwiseSqrt();
   if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return std::nullopt;
@@ -178,18 +183,19 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   return util::SmallMatrix(*whitening * deviation.cwiseInverse().asDiagonal());
 }
 
-// The scale of the errors is not known, because the covariance does not include a wrong K, or a
-// picture of another shape than the object. The prior of the squared scale counts like kPrior
-// measurements with the claimed scale, so the squared error of a pose has the likelihood of
-// Student's t distribution. A prior of one measurement gives squared errors of 3, 15 and 99 at the
-// quantiles of 50, 75 and 90 %; the frames of a real video have 5, 21 and 71.
+// The scale of the errors is not known, because the covariance does not include the effect of a
+// wrong K, or of a picture whose proportions differ from those of the object. The prior of the
+// squared scale counts like kPrior measurements with the claimed scale, so the squared error of a
+// pose has the likelihood of Student's t distribution. With a prior of one measurement, squared
+// errors of 3, 15 and 99 are expected at the quantiles of 50, 75 and 90 %; in the frames of a real
+// video, the quantiles were 5, 21 and 71.
 constexpr double kPrior = 1.0;
-constexpr double kFreedom = 2.0;  // eight entries of H less six parameters of a pose
+constexpr double kFreedom = 2.0;  // eight entries of H, less six parameters of a pose
 
-/// Sorts two poses by their likelihood and sets their shares. Leaves out a pose that is much less
-/// likely than the other.
+/// Sorts two poses by their likelihood and sets their shares. Removes the second pose if it is much
+/// less likely than the first.
 void setShares(std::vector<PlanarPose>& poses) {
-  constexpr double kLeastShare = 0.001;  // share of the likelihood
+  constexpr double kLeastShare = 0.001;  // least share of the likelihood that a pose must have
   if (poses.size() < 2) return;
   if (poses[1].squared_error < poses[0].squared_error) std::swap(poses[0], poses[1]);
   const double ratio = (kPrior + poses[0].squared_error) / (kPrior + poses[1].squared_error);
@@ -200,7 +206,8 @@ void setShares(std::vector<PlanarPose>& poses) {
   poses.pop_back();
 }
 
-/// The pose fitted from each start. If both starts give one pose, adds the pose of the rival start.
+/// Fits a pose from each start. If only one pose is found, for example because both fits end at the
+/// same pose, adds the pose of the rival start, if there is one (see poseOfRivalStart).
 std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
                                   const PoseProblem& problem) {
   constexpr double kSame = 1e-4;  // rad
@@ -220,8 +227,8 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
   return poses;
 }
 
-// Points all over a reference image. A rolling shutter bends the picture, so its homography fits
-// the whole picture best, not the corners.
+// Grid of points all over a reference image. A rolling shutter bends the picture, so the homography
+// is fitted to the whole picture, not only to its corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
@@ -245,8 +252,9 @@ util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& ho
   return jacobian;
 }
 
-/// Moves `homography` by Gauss-Newton steps until it maps `points` as near as possible to `wanted`,
-/// and returns its Jacobian. The start must be near the result.
+/// Changes `homography` by Gauss-Newton steps until it maps `points` as near as possible to
+/// `wanted`, and returns the Jacobian of the mapped points with respect to its entries. The given
+/// homography must already be near the result.
 util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
                            Eigen::Matrix3d& homography) {
   constexpr int kSteps = 3;
@@ -263,8 +271,8 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   return jacobian;
 }
 
-/// Adds the uncertainty of an unknown readout time to `now`. This error stays the same as long as
-/// the motion does, so it is part of the shared covariance.
+/// Adds the uncertainty of an unknown readout time to `now`. The error due to this time stays the
+/// same as long as the motion does, so it is added to the shared covariance, too.
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
@@ -353,7 +361,8 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
   const util::SmallMatrix by_answer = approach(points, moved, answer.homography);
   by_now = util::leastSquares(by_answer, by_now).solution;
   by_before = util::leastSquares(by_answer, by_before).solution;
-  // The smooth errors are about the same in both homographies, but the noise is not.
+  // The smooth errors (shared_covariance) are about the same in both homographies, so they are
+  // propagated together; the noise of the two homographies is independent.
   const Covariance8 noise_now = now.covariance - now.shared_covariance;
   const Covariance8 noise_before = before.covariance - before.shared_covariance;
   answer.shared_covariance = util::propagated(by_now + by_before, now.shared_covariance);

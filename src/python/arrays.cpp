@@ -67,7 +67,7 @@ cv::Mat matrixOf(const py::array& array, int type) {
   const auto rows = static_cast<int>(array.shape(0));
   const auto columns = static_cast<int>(array.shape(1));
   if (rows == 0 || columns == 0) return {};
-  // cv::Mat cannot hold const pixels, but we only read these.
+  // cv::Mat cannot hold const pixels, but we only read the pixels.
   auto* const pixels = static_cast<std::uint8_t*>(const_cast<void*>(array.data()));
   return {rows, columns, type, pixels, static_cast<std::size_t>(array.strides(0))};
 }

@@ -19,14 +19,15 @@ struct ImageArray {
   cv::Mat pixels;
 };
 
-/// An array (height, width) as CV_8UC1, or (height, width, 3) in the order blue, green, red, as
-/// OpenCV reads files, as CV_8UC3. Dense rows of uint8 are not copied. Alpha is removed, and the
-/// pixels that it hides are replaced (see util::fillHidden). uint16 grey is stretched as in the
-/// programs, and uint16 colours lose their lower bits. Throws py::value_error, which names the
-/// image, its type or shape, and what is expected; also for a masked array with hidden values.
+/// An array (height, width) as CV_8UC1, or (height, width, 3) as CV_8UC3. The order of the colours
+/// is blue, green, red, as in files that OpenCV reads. Dense rows of uint8 are not copied. Alpha is
+/// removed, and the pixels that it hides are replaced (see util::fillHidden). uint16 grey is
+/// stretched as in the programs, and uint16 colours lose their lower bits. Throws py::value_error,
+/// which names the image, its type or shape, and what is expected. Also throws for a masked array
+/// with hidden values.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
-/// An image as CV_8UC1; colours are converted, then stretched.
+/// An image as CV_8UC1. Colours are converted to grey, then stretched.
 ImageArray greyImage(const py::object& image, const std::string& name);
 
 /// A mask as CV_8UC1, or an empty matrix for None.

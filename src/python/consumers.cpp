@@ -54,7 +54,7 @@ std::string addTarget(Targets& targets, const std::string& id, const py::object&
   });
 }
 
-/// A detected target with its poses, which are known only with K.
+/// A detected target with its poses; there are poses only if K is known.
 struct PosedTarget : DetectedTarget {
   std::vector<PlanarPose> poses;
 };

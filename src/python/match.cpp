@@ -42,7 +42,7 @@ py::list stagesOf(const Match& match) {
   return out;
 }
 
-/// Getter for a property of the likeliest motion; None if there is no motion.
+/// Getter for a property of the most probable motion; returns None if there is no motion.
 template <typename Value>
 auto motionField(Value Motion::*field) {
   return [field](const Match& match) {
@@ -121,7 +121,8 @@ class Extractor {
 
  private:
   Shared<OrbExtractor> extractor_;
-  // Reuses memory: allocating the images of each frame would cost 2 % of its time.
+  // Reuses memory, because allocating the images of each frame would take 2 % of the time of the
+  // extraction.
   util::Pool<Features> made_{4, [](Features&) {}};
 };
 
@@ -276,7 +277,8 @@ void defineMatch(py::module& module) {
                       }));
 }
 
-/// The pickled state of features, with the images, which the sub-pixel alignment needs.
+/// The pickled state of features. It includes the images, because the sub-pixel alignment needs
+/// them.
 py::tuple featuresState(const py::object& self) {
   const auto& features = self.cast<const Features&>();
   py::list images;
@@ -428,7 +430,8 @@ void unpickle(const py::handle& bytes, std::vector<Value>& values) {
     std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
 }
 
-/// References to all fields except the stages, which follow them in the pickled state.
+/// References to all fields except the stages. In the pickled state, the stages follow these
+/// fields.
 template <typename AnyMatch>
 auto fieldsOf(AnyMatch& m) {
   return std::tie(m.status, m.found_by, m.answer.homography, m.answer.covariance,

@@ -26,8 +26,9 @@ struct Motion {
   std::optional<Covariance6> covariance;
 };
 
-/// The result for a pair of images, with the arrays that Python sees. They have a row for each
-/// correspondence of the four stages, then a row for each one that guided matching or growth added.
+/// The result for a pair of images, with the arrays that Python sees. The arrays have a row for
+/// each correspondence of the four stages, followed by a row for each correspondence that guided
+/// matching or growth added.
 struct Match {
   struct Stage {
     std::string name;
@@ -38,7 +39,7 @@ struct Match {
 
   Match() = default;
   /// Copies the values of `result` and the positions of the features. `input`: the camera matrices,
-  /// which the points of the scene need.
+  /// which are needed for the points of the scene.
   Match(const MatchResult& result, const Features& reference, const Features& target,
         const TwoViewInput& input = {});
 
@@ -55,7 +56,8 @@ struct Match {
   std::optional<Motion> motion;
   std::optional<Motion> other;
   std::optional<Eigen::Matrix3d> fundamental;
-  std::map<std::string, double> numbers;  ///< by the names of two_view::visitNumbers
+  /// Numbers of the two-view geometry; the keys are the names of two_view::visitNumbers.
+  std::map<std::string, double> numbers;
   std::vector<Eigen::Vector3d> points;
   std::vector<double> point_deviations;
   std::vector<std::int32_t> point_matches;

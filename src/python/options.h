@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::python {
 
-/// Which parameters an object accepts.
+/// The parameters that an object accepts: for a pair of images, or for a sequence.
 enum class Scope { pair, sequence };
 
 /// The arguments that an object was made from, which pickle needs.

@@ -29,7 +29,7 @@ class WithoutGil {
   PyThreadState* state_ = PyEval_SaveThread();
 };
 
-/// An object that several Python threads may use, one after the other.
+/// An object that several Python threads may use, but only one at a time.
 template <typename Object>
 class Shared {
  public:
@@ -63,7 +63,7 @@ class Shared {
   }
 
   std::mutex mutex_;
-  pid_t process_ = getpid();  // process of the latest user
+  pid_t process_ = getpid();  // process that used the object last
   Object object_;
 };
 

@@ -49,7 +49,7 @@ void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   }
 }
 
-/// Whether the lens leaves all points in place.
+/// Whether the lens has no distortion, so that all points keep their place.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
                                     [](double coefficient) { return coefficient != 0.0; });
@@ -119,7 +119,8 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   const cv::Matx34d projection(info.P.data());
   calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
   if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
-  // The whole image contains the principal point; a region of interest (roi) need not.
+  // The principal point must be in the whole image, but it may be outside of a region of interest
+  // (roi).
   const cv::Size whole(static_cast<int>(info.width), static_cast<int>(info.height));
   util::requirePrincipalPoint("K of the camera_info", calibration.camera, whole);
   shrink(info, calibration.camera);
@@ -131,7 +132,7 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size) {
   requireCalibrated(info);
   sensor_msgs::CameraInfo known = info;
-  // Without distortion the model does not matter, and drivers leave it empty.
+  // Without distortion, the distortion model does not matter, and drivers leave its name empty.
   const bool distorts =
       info.distortion_model == "equidistant" ||
       std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });
@@ -162,7 +163,7 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   TwoViewInput input;
   input.reference_camera = camera.camera;
   input.reference_size = input.target_size = image_size;
-  estimateTwoView({}, {}, input);  // refuses a bad K now rather than with each frame
+  estimateTwoView({}, {}, input);  // refuses a bad K at once, instead of with each frame
   return camera;
 }
 

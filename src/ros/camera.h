@@ -12,7 +12,7 @@
 
 namespace ktgp_orb {
 
-/// Kind of a camera's images.
+/// Kind of the images of a camera.
 enum class Pixels : std::uint8_t {
   raw,        ///< as sent by the camera: K and the distortion of its camera_info apply
   rectified,  ///< without distortion, such as image_proc's image_rect: P of its camera_info applies
@@ -34,8 +34,8 @@ Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 struct PixelCamera {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K of an image without distortion, px
-  LensConstPtr lens;  ///< moves points of the raw image to the pixels of `camera`; null: there is
-                      ///< no distortion
+  /// Maps points of the raw image to pixels of `camera`; null: there is no distortion.
+  LensConstPtr lens;
 };
 
 /// The camera for images of `image_size`, with binning and region of interest applied. Throws

@@ -20,16 +20,16 @@ namespace ktgp_orb {
 /// A consistent set of all parameters, in the types of the core and the messages.
 /// parameters/table.def describes the values.
 struct Configuration {
-  std::uint32_t number = 0;  ///< counts the changes
+  std::uint32_t number = 0;  ///< number of changes so far
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the initial fixed reference; null: none
   util::GreyStretch stretch =
-      util::GreyStretch::percentile;  ///< how 16-bit images become 8-bit ones
-  CameraView view;                    ///< for the camera's images, not for reference_image
-  bool rectify = false;               ///< whether the lens in `view` is wanted
-  std::string lens_problem;           ///< why `view` has no lens; empty: no problem
-  std::string camera_problem;         ///< why `view.camera` cannot be used
-  double max_rate = 0.0;              ///< Hz; 0: all frames
+      util::GreyStretch::percentile;  ///< how 16-bit images are converted to 8 bits
+  CameraView view;             ///< applies to the images of the camera, not to reference_image
+  bool rectify = false;        ///< whether the lens in `view` is wanted
+  std::string lens_problem;    ///< why `view` has no lens; empty: no problem
+  std::string camera_problem;  ///< why `view.camera` cannot be used
+  double max_rate = 0.0;       ///< Hz; 0: all frames
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };

@@ -48,13 +48,13 @@ cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message) {
 
 void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   const std::shared_ptr<PixelMemory> memory = memory_.take();
-  // Do not overwrite a matrix that a caller still holds without the frame.
+  // Do not overwrite a matrix that a caller still uses although its frame was destroyed.
   if (util::isShared(memory->grey)) memory->grey.release();
   toFrame(message, stretch_, memory, frame);
   frame.mask = maskOf(frame.image.size());
   frame.lens = view_.lens;
   if (frame.lens && frame.lens->calibration().image_size != frame.image.size()) {
-    frame.lens = nullptr;  // does not apply to this image
+    frame.lens = nullptr;  // the lens is for another image size
   }
   setCamera(frame);
 }
@@ -76,7 +76,8 @@ void FrameMaker::setCamera(Frame& frame) {
   }
   if (!camera_) return;
   frame.camera = camera_->camera;
-  frame.camera_lens = frame.lens ? nullptr : camera_->lens;  // points are already rectified
+  // If the points are rectified, they need no lens.
+  frame.camera_lens = frame.lens ? nullptr : camera_->lens;
 }
 
 // The combined mask, computed once for all images of one size.

@@ -15,14 +15,16 @@
 
 namespace ktgp_orb {
 
-/// The used part of a camera's images, and the lens.
+/// What a FrameMaker needs to know about a camera: the used part of the images, the lens and the
+/// calibration.
 struct CameraView {
-  cv::Rect roi;                            ///< px; empty: the whole image
-  cv::Mat file_mask;                       ///< CV_8UC1, from mask_image; empty: none
-  cv::Mat sent_mask;                       ///< CV_8UC1, from ~mask; empty: none
-  LensConstPtr lens;                       ///< null: points stay in the camera's own pixels
-  sensor_msgs::CameraInfoConstPtr camera;  ///< for the two-view geometry; null: not known
-  Pixels pixels = Pixels::raw;             ///< kind of the images of `camera`
+  cv::Rect roi;       ///< px; empty: the whole image
+  cv::Mat file_mask;  ///< CV_8UC1, from mask_image; empty: none
+  cv::Mat sent_mask;  ///< CV_8UC1, from ~mask; empty: none
+  LensConstPtr lens;  ///< null: points stay in the pixels of the raw image
+  /// Calibration for the two-view geometry; null: not known.
+  sensor_msgs::CameraInfoConstPtr camera;
+  Pixels pixels = Pixels::raw;  ///< kind of the images of `camera`
 };
 
 /// Parses "x y width height", separated by blanks or commas; an empty rectangle for an empty text.
@@ -47,11 +49,11 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  // Pooled memory, so that images need no allocation in steady state.
+  // Memory that is used again, so that images need no allocation in steady state.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
-  std::optional<PixelCamera> camera_;  // for images of `camera_size_`
+  std::optional<PixelCamera> camera_;  // camera for images of the size `camera_size_`
   cv::Size camera_size_;
-  cv::Mat mask_;  // all masks of view_ combined, for images of its size
+  cv::Mat mask_;  // combination of all masks of view_, for images of the size of this matrix
 };
 
 }  // namespace ktgp_orb

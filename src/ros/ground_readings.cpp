@@ -58,9 +58,9 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
-// Standard deviations about each axis, for tf and for an Imu that gives no covariance.
+// Standard deviations about each axis, rad, for tf and for an Imu that gives no covariance.
 constexpr double kNormalDeviation = 0.5 * kDegree;
-constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
+constexpr double kGyroDeviation = 0.5 * kDegree;  // rad/s
 
 /// The largest standard deviation of the first `axes` axes; `usual` if the covariance is zero,
 /// which means that it is not known.
@@ -109,7 +109,8 @@ void GroundReadings::add(const sensor_msgs::Imu& imu) {
 bool GroundReadings::complete(const std_msgs::Header& image) const {
   std::vector<std::string> frames;
   if (usesImu()) {
-    // An Imu message with a stamp far ahead does not show that all earlier ones have arrived.
+    // An Imu message with a stamp far in the future does not show that all earlier messages have
+    // arrived.
     const ros::Time latest = image.stamp + ros::Duration(config_.max_age);
     const bool has_come = std::any_of(imus_.rbegin(), imus_.rend(), [&](const auto& imu) {
       return imu.header.stamp >= image.stamp && imu.header.stamp <= latest;
@@ -177,7 +178,8 @@ GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) co
   }
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   if (config_.base_frame.empty()) {
-    // The base has a fixed rotation to the camera, and is level if the camera looks straight down.
+    // Without a base frame, the rotation between camera and base is fixed: the base is level if the
+    // camera looks straight down.
     options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
     return options;
   }
@@ -216,7 +218,8 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   return frame;
 }
 
-/// Drops the range if its beam does not meet the ground, since a distance to a wall is no height.
+/// Drops the range if the beam does not point to the ground, since the distance to a wall is not a
+/// height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
@@ -248,7 +251,8 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  constexpr double kScale = 0.04;  // noise alone gives less than 0.02
+  // Least difference of the ratio from 0 and from 1; noise alone gives less than 0.02.
+  constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
   }
@@ -359,7 +363,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
                                 std::to_string(range.min_range) + " to " +
                                 std::to_string(range.max_range) + " m");
   }
-  if (range.header.stamp == used_range_) return std::nullopt;  // each reading counts once
+  if (range.header.stamp == used_range_) return std::nullopt;  // use each reading only once
   HeightReading reading;
   reading.age = (image.stamp - range.header.stamp).toSec();
   reading.metres = value;
@@ -368,7 +372,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
   if (withoutSlash(range.header.frame_id) != withoutSlash(image.frame_id)) {
     const Pose3 found = transform(image.frame_id, range.header.frame_id, range.header.stamp);
     reading.beam_origin = found.translation();
-    reading.beam_direction = found.linear().col(0);  // a range sensor looks along its x axis
+    reading.beam_direction = found.linear().col(0);  // a range sensor measures along its x axis
   }
   range_stamp_ = range.header.stamp;
   range_frame_ = range.header.frame_id;
@@ -381,7 +385,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   DownReading reading;
   reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
-  if (!of_tf && config_.base_frame.empty()) return reading;  // down along the optical axis
+  if (!of_tf && config_.base_frame.empty()) return reading;  // the camera looks straight down
   const Pose3 found =
       transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id, image.stamp);
   reading.direction = -found.linear().row(2).transpose();
@@ -416,7 +420,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
-  double ages = 0.0;  // s, sum of the ages at the later image
+  double ages = 0.0;  // sum of the ages of the messages at the time of the later image, s
   double deviation = kGyroDeviation;
   std::string frame;
   std::string why = "no angular velocity on " + imu_topic_ + " between two images";

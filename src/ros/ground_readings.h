@@ -37,36 +37,38 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether all readings for the image have arrived, unless stamps jitter: there is a later Imu
-  /// message, and tf knows the camera, the sensors and the ground at the time of the image.
+  /// Whether all readings for the image have arrived, provided that stamps do not jitter: an Imu
+  /// message with a later stamp has arrived, and tf knows the camera, the sensors and the ground at
+  /// the time of the image.
   bool complete(const std_msgs::Header& image) const;
 
-  /// Options for the camera's images. Throws std::invalid_argument if tf does not know its pose.
+  /// Options for the camera's images. Throws std::invalid_argument if tf does not know the pose of
+  /// the camera.
   GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
   /// Combines a homography to an image of `size` with all usable readings. Throws
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
-  /// Why the newest frame has no rotation; empty if it has one or needs none.
+  /// Why the newest frame has no rotation; empty if it has a rotation or needs none.
   const std::string& noTurn() const { return no_turn_; }
   /// Completes the estimate for the newest frame; call this once for each frame. After a second
   /// without a usable height or normal, the status says so, and the estimate has no pose.
   GroundEstimate withPatience(GroundEstimate estimate);
-  /// Why the newest frame has no motion; empty if it has one.
+  /// Why the newest frame has no motion; empty if it has a motion.
   std::string problemOf(const GroundEstimate& estimate) const;
-  /// Which reading of the newest frame is missing or contradicts the others so much that it hardly
-  /// counts, with the likely cause; empty if all readings are used.
+  /// Names the reading of the newest frame that is missing, or that hardly counts because it
+  /// contradicts the other readings, with the likely cause. Empty if all readings are used.
   std::string notUsed(const GroundEstimate& estimate) const;
-  /// Where the height and the normal come from, in words for messages.
+  /// The sources of the height and of the normal, in words for messages.
   std::string heightSource() const;
   std::string normalSource() const;
 
  private:
-  // These functions return a reading for an image, or nothing if none is wanted now. They throw
-  // std::invalid_argument with the reason if a reading is missing.
+  // These functions return a reading for an image, or nothing if no reading is wanted now. They
+  // throw std::invalid_argument with the reason if a reading is missing.
   std::optional<HeightReading> height(const std_msgs::Header& image);
-  /// The reading nearest to the time of an image. Throws std::invalid_argument if there is none
-  /// within max_age.
+  /// The reading nearest to the time of an image. Throws std::invalid_argument if there is no
+  /// reading within max_age of the image.
   template <typename Message>
   const Message& nearest(const std::deque<Message>& messages, const std::string& what,
                          const ros::Time& image) const;
@@ -92,7 +94,7 @@ class GroundReadings {
   std::optional<sensor_msgs::Imu> imu_apart_;
   util::StampOrder image_order_;
   ros::Time used_range_;
-  ros::Time range_stamp_;  // stamp of the newest frame's range; 0: it has none
+  ros::Time range_stamp_;  // stamp of the range of the newest frame; 0: the frame has no range
   std::string range_frame_;
   ros::Time last_image_;
   ros::Time last_height_;  // stamp of the last image with a used height
@@ -102,6 +104,7 @@ class GroundReadings {
   std::string no_turn_;
 };
 
-/// Describes the rolling shutter that the images show; empty if they show none with certainty.
+/// Describes the rolling shutter that the images show; empty if they do not show one with
+/// certainty.
 std::string shutterReport(const GroundEstimate& estimate);
 }  // namespace ktgp_orb

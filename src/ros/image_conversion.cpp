@@ -37,13 +37,14 @@ constexpr int kNoCode = -1;
 struct Format {
   std::string encoding;
   int type;              ///< OpenCV's type of the pixels
-  int to_grey;           ///< OpenCV's conversion; kNoCode for grey pixels
-  int to_bgr = kNoCode;  ///< conversion of YUV pixels to BGR
+  int to_grey;           ///< OpenCV's code for the conversion to grey; kNoCode for grey pixels
+  int to_bgr = kNoCode;  ///< OpenCV's code for the conversion of YUV to BGR
 };
 
-/// All supported encodings; only newer versions of sensor_msgs have uyvy, yuyv and nv... OpenCV
-/// names a Bayer pattern after its second row from the second pixel on, ROS after its first row.
-/// Channels without names count as BGR, OpenCV's usual order.
+/// All supported encodings; only newer versions of sensor_msgs have uyvy, yuyv and nv... ROS names
+/// a Bayer pattern by the beginning of the first row, but OpenCV by the second row, beginning at
+/// the second pixel. An encoding that does not name its channels counts as BGR, OpenCV's usual
+/// order.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -66,7 +67,9 @@ const std::vector<Format>& formats() {
       {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
       {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
       {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
-      {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},  // half-size colours follow
+      // The grey rows come first. The rows with the colours at half the size follow; they are not
+      // read for grey.
+      {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},
       {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
       {"nv24", CV_8UC1, kNoCode},
       {encodings::BAYER_RGGB8, CV_8UC1, cv::COLOR_BayerBG2GRAY},
@@ -90,7 +93,8 @@ const Format& formatOf(const std::string& encoding) {
     if (format.encoding == encoding) return format;
   }
   if (encoding.rfind(kUndecoded, 0) == 0) throw RefusedImage(util::printable(encoding, 400));
-  constexpr std::size_t kShown = 64;  // characters shown of an untrusted name
+  // Longest part of an untrusted name that messages show, in characters.
+  constexpr std::size_t kShown = 64;
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
                      "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
@@ -138,7 +142,8 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   return swapped;
 }
 
-constexpr double kMostMegapixels = 64.0;  // largest image of a request or in compressed data
+// Megapixels of the largest image in a request or in compressed data.
+constexpr double kMostMegapixels = 64.0;
 
 double megapixelsOf(const sensor_msgs::Image& image) {
   return 1e-6 * image.width * static_cast<double>(image.height);
@@ -165,7 +170,8 @@ bool isYuv(const std::string& encoding) {
          encoding == "uyvy";
 }
 
-/// Converts YUV to bgr8, or to mono8 if the colours are missing or have the size of the picture.
+/// Converts YUV to bgr8, or to mono8 if the colours are missing or are stored at the full size of
+/// the picture.
 cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
@@ -199,7 +205,8 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   std::string_view bytes(data, message.data.size());
   if (bytes.empty()) refuse("has no data");
   const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
-  constexpr std::size_t kDepthHeader = 12;  // bytes: the kind, and two numbers for floats
+  // Size of the header, bytes: the kind of the data, and two numbers for floats.
+  constexpr std::size_t kDepthHeader = 12;
   if (is_depth && message.format.rfind("32FC1", 0) == 0) {
     refuse("is depth in floats; expected an image, or depth of 16UC1");
   }
@@ -216,7 +223,7 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   cv::Mat image;
   try {
     const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1,
-                      const_cast<char*>(bytes.data()));  // imdecode() only reads it
+                      const_cast<char*>(bytes.data()));  // imdecode() only reads these bytes
     image = cv::imdecode(row, cv::IMREAD_UNCHANGED);
   } catch (const cv::Exception&) {
     image.release();
@@ -308,7 +315,8 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
-    // Among formats of one type, OpenCV's order of colours comes first in the list.
+    // Among the formats of a type, the format with OpenCV's order of colours comes first in the
+    // list.
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }
@@ -328,7 +336,8 @@ sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
 }
 
 cv::Mat notBlack(const cv::Mat& image) {
-  const int colours = std::min(3, image.channels());  // a fourth channel is opacity
+  // do not use a fourth channel, which is opacity
+  const int colours = std::min(3, image.channels());
   cv::Mat mask;
   for (int i = 0; i < colours; ++i) {
     cv::Mat channel = image;

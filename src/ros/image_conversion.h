@@ -29,14 +29,15 @@ inline cv::Size sizeOf(const sensor_msgs::Image& image) {
 /// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
 /// and time of a request are bounded.
 void requireSmall(const std::string& name, const sensor_msgs::Image& image);
-/// Throws RefusedImage for more than 64 images, and for more than 64 megapixels in all of them.
+/// Throws RefusedImage for more than 64 images, and if the images together have more than 64
+/// megapixels.
 void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>& images);
 
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
-/// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
-/// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422, nv12
-/// or Bayer. More data than needed is allowed. Transparent pixels are replaced (see
+/// images are stretched after the conversion. Throws RefusedImage for an empty image, for a step or
+/// amount of data that does not fit the size, and for an encoding that is not grey, colour, yuv422,
+/// nv12 or Bayer. More data than needed is allowed. Transparent pixels are replaced (see
 /// util::fillHidden).
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
                   util::GreyStretch stretch = util::GreyStretch::percentile);
@@ -44,8 +45,8 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
                   cv::Mat& buffer);
 
-/// The image in an encoding that can be warped: Bayer and YUV become bgr8, others stay unchanged.
-/// Throws RefusedImage as greyImage does.
+/// The image in an encoding that can be warped: Bayer and YUV are converted to bgr8, other
+/// encodings stay unchanged. Throws RefusedImage as greyImage does.
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
 /// Whether a channel of the encoding has 8 bits. Throws RefusedImage as greyImage does. The
@@ -62,8 +63,8 @@ cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
 /// Decodes a compressed image and keeps its header. The encoding is mono8, mono16, bgr8, bgra8,
 /// bgr16, bgra16, or the Bayer pattern at the beginning of the message's format. Also decodes
-/// compressedDepth (16UC1). Throws RefusedImage for data that is no image or is cut off and, before
-/// decoding, for more than 64 megapixels.
+/// compressedDepth (16UC1). Throws RefusedImage for data that is not an image or is cut off. Also
+/// refuses more than 64 megapixels, before decoding.
 sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
 /// An image without pixels, which greyImage and warpableImage refuse with the given reason.
 sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
@@ -76,7 +77,7 @@ struct PixelMemory {
 };
 
 /// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
-/// that no pixel is copied within one nodelet manager. Throws like greyImage.
+/// that no pixel is copied between nodelets of one manager. Throws like greyImage.
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch, Frame& frame);
 /// Like toFrame() above, but keeps the pixels in `memory`.
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
@@ -87,7 +88,7 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
                    util::GreyStretch stretch = util::GreyStretch::percentile);
 
 /// A mask (CV_8UC1) that is 0 where the image is black and 255 elsewhere. Accepts the encodings of
-/// greyImage. Judges a Bayer pixel by itself and a yuv422 pixel by its brightness. Throws
+/// greyImage. A Bayer pixel counts by its own value, and a yuv422 pixel by its brightness. Throws
 /// RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
 /// The same mask for pixels in memory. A fourth channel is opacity; transparent pixels give 0.
@@ -104,8 +105,8 @@ constexpr char kHidesAll[] =
 /// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
 std::string idleMask(const cv::Mat& mask);
 
-/// Reads an image file as a mono8 message, or as mono16 if the file has 16 bits, with stamp zero;
-/// null for an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be
+/// Reads an image file as a message with stamp zero: mono16 if the file has 16 bits, else mono8.
+/// Null for an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be
 /// read or is not a regular file, since reading a pipe could block.
 sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path);
 

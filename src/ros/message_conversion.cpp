@@ -160,7 +160,8 @@ ros::Time timeOf(std::int64_t nanoseconds) {
   return time;
 }
 
-/// Makes a message with every correspondence that passed the ratio filter, and its level.
+/// Makes a message with every correspondence that passed the ratio filter, and the level that the
+/// correspondence reached.
 CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   if (!match.reference) return nullptr;
@@ -183,7 +184,8 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   return message;
 }
 
-/// Makes a message with the homography and its verdict; numbers are zero unless the status is ok.
+/// Makes a message with the homography and its verdict. All numbers are zero if the status is not
+/// ok.
 HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
@@ -211,7 +213,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->status = MatchStatus::STATUS_OK;
   message->rectified = frame.isRectified();
   const cv::Size& size = match.frame->features.image_size;
-  setSizes(size, size, *message);  // an unbroken sequence has one image size
+  setSizes(size, size, *message);  // all images of an unbroken sequence have the same size
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyAnswer(*match.accumulated, *message);
@@ -305,7 +307,7 @@ std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message,
                        static_cast<int>(message.image_height));
   if (image.empty() || image == size) return answer;
   const double scale = static_cast<double>(size.width) / image.width;
-  // Resizing rounds the height to whole pixels of the smaller image.
+  // Allow one pixel of the smaller image, because resizing rounds the height to whole pixels.
   if (std::abs(scale * image.height - size.height) > std::max(1.0, scale)) {
     throw RefusedImage("the homographies are of images of " + util::text(image) +
                        " and cannot be scaled to those of " + util::text(size) +
@@ -337,7 +339,7 @@ const char* explanation(NoReference reason) {
        "no reference: reference_mode changed", "no reference: another lens calibration"});
 }
 
-/// The image in the pixels of the frame's keypoints, so rectified if the frame has a lens.
+/// The image in which the keypoints of the frame are: rectified if the frame has a lens.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   if (!lens) return image;
   cv::Mat rectified;

@@ -21,13 +21,13 @@
 
 namespace ktgp_orb {
 
-/// A matched frame with the data that only its node knows. Valid as long as the match.
+/// A matched frame, with data that only the node knows. Valid as long as the match is valid.
 struct MatchedFrame {
   std_msgs::Header header;  ///< header of the target image
   const SequenceMatch& match;
-  std::uint32_t configuration = 0;  ///< number of the configuration
+  std::uint32_t configuration = 0;  ///< number of the configuration, see Configuration
   double latency = 0.0;             ///< s
-  std::uint64_t dropped = 0;        ///< frames since the start
+  std::uint64_t dropped = 0;        ///< number of frames since the start, also below
   std::uint64_t lost = 0;
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;
@@ -56,28 +56,30 @@ struct FrameMessages {
 /// Makes all messages of the frame except the overlay.
 FrameMessages toMessages(const MatchedFrame& frame);
 
-/// A message for a homography without inliers and with unknown covariance; an empty `homography`
-/// means none was found. `image`, `reference_size`: sizes of the two images, px; empty: not known.
+/// A message for a homography without inliers and with unknown covariance. An empty `homography`
+/// means that no homography was found. `image`, `reference_size`: sizes of the two images, px;
+/// empty: not known.
 HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
                                   const std::optional<Eigen::Matrix3d>& homography,
                                   const cv::Size& image, const cv::Size& reference_size);
-/// The homography of the message; empty if none was found.
+/// The homography of the message; empty if no homography was found.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
-/// The homography for images of `size`, px. It is scaled if the matcher got the images in another
-/// size. A reference that never had the camera's size keeps its pixels. Throws RefusedImage if the
-/// two sizes differ in shape.
+/// The homography for images of `size`, px. The homography is scaled if the matcher received the
+/// images in another size. The pixels of the reference are scaled, too, unless the reference had
+/// another size than the matcher's images. Throws RefusedImage if the two sizes have different
+/// aspect ratios.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message, const cv::Size& size);
 
 /// Converts a time to nanoseconds, as in the core, and back.
 std::int64_t stampOf(const ros::Time& time);
 ros::Time timeOf(std::int64_t nanoseconds);
 
-/// A copy of the pixels as a message.
+/// A message with a copy of the pixels.
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& pixels);
 
-/// The overlay picture (bgr8) with the header of the target; if there is no reference, the picture
-/// says why. `image`: the message of the target, for its colours.
+/// The overlay picture (bgr8) with the header of the target. If there is no reference, a text in
+/// the picture says why. `image`: the message of the target, for its colours.
 sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const SequenceMatch& match,
                                 OverlayStyle style);
 

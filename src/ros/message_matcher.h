@@ -9,7 +9,7 @@
 
 namespace ktgp_orb {
 
-/// The warning if most frames have things that stand still (MatchResult::still).
+/// Warning for the case that most frames have things that stand still (MatchResult::still).
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "
@@ -24,7 +24,7 @@ class MessageMatcher {
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return configuration_; }
 
-  /// Throws RefusedImage for an unusable image; the reference then stays.
+  /// Throws RefusedImage for an unusable image, and then keeps the reference.
   MatchedFrame process(const sensor_msgs::ImageConstPtr& image);
   /// Like process() above, for a frame. `ahead`: see SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
@@ -45,9 +45,9 @@ class MessageMatcher {
            !(configured_reference_ && fixed->image.data == configured_reference_->image.data);
   }
 
-  /// Forgets the reference, except a fixed one.
+  /// Forgets the reference, unless it is fixed.
   void forgetReference();
-  /// Forgets every reference; the configured reference image becomes the fixed one again.
+  /// Forgets every reference; the configured reference image becomes the fixed reference again.
   void reset();
 
  private:
@@ -56,7 +56,7 @@ class MessageMatcher {
 
   Configuration configuration_;
   SequenceMatcher sequence_;
-  FrameConstPtr configured_reference_;  // from the parameters, not from the camera
+  FrameConstPtr configured_reference_;  // fixed reference from the parameters, not from the camera
   FrameMaker frame_maker_;
   const SequenceMatch* last_ = nullptr;
 };

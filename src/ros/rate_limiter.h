@@ -18,7 +18,8 @@ class RateLimiter {
     rate_ = rate;
   }
 
-  /// Whether to use the frame with this stamp. A stamp before the last one restarts the slots.
+  /// Whether to use the frame with this stamp. A stamp before the previous stamp restarts the
+  /// slots.
   bool takes(const ros::Time& stamp) {
     if (rate_ <= 0.0) return true;
     if (!first_ || stamp < last_) {

@@ -39,7 +39,8 @@ TargetDetection messageOf(const DetectedTarget& target) {
   return message;
 }
 
-/// The camera for the pixels. Throws std::invalid_argument with the reason if there is none.
+/// The camera for the pixels. Throws std::invalid_argument with the reason if there is no usable
+/// camera.
 PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
                      const std::string& info_topic, Pixels pixels) {
   if (info == nullptr) throw std::invalid_argument("no camera_info on " + info_topic);
@@ -135,7 +136,8 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
   std_msgs::Header header = message.header;
   header.frame_id = util::withoutSlash(header.frame_id);
   for (const TargetDetection& target : message.detections) {
-    // tf could hold only one of several possible poses, and listeners would not know of the others.
+    // tf could hold only one of several possible poses, and listeners would not know of the other
+    // poses.
     if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     transforms.push_back(transformOf(header, frameOf(target), target.pose.pose));
   }

@@ -18,18 +18,20 @@
 namespace ktgp_orb {
 
 /// Makes a TargetFinder forget the followed targets when a sequence of images ends, because a bag
-/// is looped or the camera changes. Detects repeated images, from which a velocity would be wrong.
+/// is looped or the camera changes. Detects repeated images, because a velocity from them would be
+/// wrong.
 class ImageSequence {
  public:
   /// Call this before each search. `grey`: the pixels of the image. Returns false if the image
-  /// repeats the previous one and is no new frame, see sequence::Repeats.
+  /// repeats the previous image, so that it is not a new frame (see sequence::Repeats).
   bool next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey, TargetFinder& finder);
-  /// Makes the next image count as a new frame in any case, because other targets are searched.
+  /// Makes the next image count as a new frame even if it repeats the previous image, because other
+  /// targets are searched.
   void searchAnew() { last_.reset(); }
 
  private:
   sequence::Repeats repeats_;
-  sensor_msgs::ImageConstPtr last_;  // owns the pixels of grey_
+  sensor_msgs::ImageConstPtr last_;  // previous image, which owns the pixels of grey_
   cv::Mat grey_;
   ros::Time stamp_;
   cv::Size size_;
@@ -49,7 +51,7 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
 /// FRAME_1 for instance 1 ... Throws std::invalid_argument if the images have no frame_id.
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message);
 
-/// Markers for rviz: outline and id of each pose. The first one removes the previous markers.
+/// Markers for rviz: outline and id of each pose. The first marker removes the previous markers.
 visualization_msgs::MarkerArrayPtr markersOf(const TargetDetections& message);
 
 }  // namespace ktgp_orb

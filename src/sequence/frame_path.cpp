@@ -8,7 +8,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Scales H to a largest entry of 1, so that long products neither vanish nor overflow.
+/// Scales H so that its largest entry is 1, which prevents underflow and overflow of long products.
 Eigen::Matrix3d scaled(const Eigen::Matrix3d& h) {
   return h / h.cwiseAbs().maxCoeff();
 }

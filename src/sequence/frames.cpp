@@ -7,7 +7,8 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// A caller may still hold the matrix, although it let the frame go.
+/// Releases the matrix if a caller still holds it, which is possible even after the caller has
+/// released the frame.
 void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
@@ -17,7 +18,7 @@ void releaseIfShared(cv::Mat& matrix) {
 void FramePool::release(PooledFrame& frame) {
   frame.image.release();
   if (!frame.features.images.empty())
-    frame.features.images.front().release();  // shares its pixels with frame.image
+    frame.features.images.front().release();  // the first image shares its pixels with frame.image
   frame.source.reset();
 }
 
@@ -52,7 +53,8 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void TrackNumbers::begin(Frame& frame) {
-  // Reserves room as for the keypoints, so that track numbers allocate no more often than those.
+  // Reserves the same capacity as the keypoints have, so that the track numbers need no more
+  // allocations than the keypoints.
   frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);

@@ -9,8 +9,8 @@
 
 namespace ktgp_orb::sequence {
 
-/// Hands out frames, and reuses them with their buffers when no caller holds them any more. Their
-/// images are released at once.
+/// Hands out frames. When no caller holds a frame any more, its images are released at once, and
+/// the frame is reused with its other buffers.
 class FramePool {
  public:
   /// An empty frame.
@@ -26,25 +26,28 @@ class FramePool {
   static void release(PooledFrame& frame);
   std::shared_ptr<PooledFrame> takeEmpty();
 
-  // A sequence holds up to five: new, previous and fixed frame, keyframe, frame of the last result.
+  // A sequence holds up to five frames: the new frame, the previous frame, the fixed reference, the
+  // keyframe and the frame of the last result.
   util::Pool<PooledFrame> frames_{6, release};
 };
 
 /// Numbers the keypoints of a sequence (Frame::tracks). A final match, of Level::ktgp or guided,
-/// gives its target keypoint the number of its reference keypoint. Of several matches of a
-/// reference keypoint, the nearest in Hamming distance counts. All other keypoints get new numbers.
+/// gives its target keypoint the track number of its reference keypoint. If a reference keypoint
+/// has several matches, only the match with the smallest Hamming distance counts. All other
+/// keypoints get new numbers.
 class TrackNumbers {
  public:
   /// Gives all keypoints new numbers.
   void begin(Frame& frame);
-  /// Continues the tracks of `reference`, which has numbers. `result`: match of `target` to it.
+  /// Continues the tracks of `reference`, whose keypoints have numbers. `result`: match of `target`
+  /// to `reference`.
   void continueTracks(const Frame& reference, const MatchResult& result, Frame& target);
 
  private:
   void choose(const std::vector<Correspondence>& matches);
 
   std::uint64_t next_ = 1;
-  // The match that continues the track of each keypoint of the reference; null: none.
+  // For each keypoint of the reference, the match that continues its track; null if there is none.
   std::vector<const Correspondence*> best_;
 };
 

@@ -19,14 +19,15 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
                                                         const Frame& next) const {
   std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   if (!last || !motion_) return last;
-  constexpr double kLongest = 3.0;  // longest prediction, in durations of the known motion
+  // Longest prediction, as a multiple of the duration of the last known motion.
+  constexpr double kLongest = 3.0;
   const double interval = nanoseconds(stamp_, next.stamp);
   const double known = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
   const double ratio = std::clamp(known, 0.0, kLongest);
-  // Continues the motion to first order, which is enough between two frames.
+  // The motion is continued to first order, which is accurate enough between two frames.
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d carried = identity + ratio * (*motion_ / (*motion_)(2, 2) - identity);
-  // A mirrored or vanishing view cannot be a continuation.
+  // If the predicted view is mirrored or vanishes, the motion cannot continue like this.
   const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
   return (usable ? carried : identity) * *last;
 }

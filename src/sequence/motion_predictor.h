@@ -9,22 +9,25 @@
 
 namespace ktgp_orb::sequence {
 
-/// Predicts the next frame: continues the motion between the last two frames at constant velocity.
-/// Frames are identified by their addresses: the sequence holds the last frame and its reference.
+/// Predicts the position of the next frame: continues the motion between the last two frames at
+/// constant velocity. Frames are identified by their addresses, which is safe because the sequence
+/// holds the last frame and its reference.
 class MotionPredictor {
  public:
-  /// Predicted homography from `reference` to `next`. Assumes no motion if it is not known, for
-  /// example after a gap. Empty if the last frame's position seen from `reference` is not known.
+  /// Predicted homography from `reference` to `next`. If the motion is not known, for example after
+  /// a gap, assumes that there is none. Empty if the homography from `reference` to the last frame
+  /// is not known.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 
-  /// Whether `result` has too few inliers, compared with the last frame, to trust the prediction.
+  /// Whether `result` has so few inliers, compared with the last frame, that the prediction is not
+  /// to be trusted.
   bool isPoor(const MatchResult& result) const;
 
-  /// Call it after `frame` was matched to `reference`.
+  /// Call this after `frame` was matched to `reference`.
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
-  /// Call it after a frame that was not matched.
+  /// Call this after a frame that was not matched.
   void restartAt(const Frame& frame);
-  /// `fresh` is a new frame of the same image and replaces `frame`.
+  /// Replaces `frame` by `fresh`, a new frame of the same image.
   void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 
@@ -36,8 +39,8 @@ class MotionPredictor {
   std::int64_t stamp_ = 0;            // stamp of the last frame
   Eigen::Matrix3d from_reference_ = Eigen::Matrix3d::Identity();
   std::size_t inliers_ = 0;
-  std::optional<Eigen::Matrix3d> motion_;  // between the last two frames
-  std::int64_t duration_ = 0;              // duration of this motion, ns
+  std::optional<Eigen::Matrix3d> motion_;  // homography between the last two frames, if it is known
+  std::int64_t duration_ = 0;              // time between the last two frames, ns
 };
 
 }  // namespace ktgp_orb::sequence

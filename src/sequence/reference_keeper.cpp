@@ -44,7 +44,8 @@ NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
 
 NoReference anotherCamera(const Frame& next, const Frame& before) {
   if (next.encoding != before.encoding) return NoReference::encoding_changed;
-  // A caller may create a new lens with the same calibration for every frame.
+  // Lenses are compared by their calibration, since a caller may create a new lens object with the
+  // same calibration for every frame.
   const LensConstPtr& lens = before.lens;
   const bool same_lens =
       next.lens == lens || (next.lens && lens && next.lens->calibration() == lens->calibration());
@@ -90,7 +91,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
   to_previous_ = homography::chained(result->answer, to_reference_);
   accumulated_ = to_previous_;
   previous_ = frame;
-  // If two adjacent frames already have few matches, keeping the keyframe would not help.
+  // If even two adjacent frames have few matches, keeping the keyframe would not help.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;
@@ -111,7 +112,8 @@ void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
 }
 
 void ReferenceKeeper::forget(NoReference reason) {
-  // A request of the user has priority over its consequences, and the first reason over later ones.
+  // A reset that the user asked for has priority over any other reason. Otherwise the first reason
+  // has priority over later reasons.
   const bool asked_for = reason == NoReference::first_frame || reason == NoReference::reset;
   if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
   reference_.reset();

@@ -9,7 +9,8 @@
 
 namespace ktgp_orb::sequence {
 
-/// Which difference of encoding or lens shows that two frames are from different cameras, or none.
+/// The difference (of encoding or of lens) which shows that two frames are from different cameras;
+/// none if there is no such difference.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
 /// Chooses the reference of the next frame, decides when to forget it, and accumulates
@@ -18,30 +19,30 @@ class ReferenceKeeper {
  public:
   void setOptions(const ReferenceOptions& options);
 
-  /// The frame to match `next` to, or null; then reason() says why. Forgets a reference that cannot
-  /// belong to the same sequence. A fixed reference stays.
+  /// The frame to which to match `next`; null if there is none, for the reason() given. Forgets a
+  /// reference that cannot belong to the same sequence, except a fixed reference.
   FramePtr referenceFor(const Frame& next);
   NoReference reason() const { return reason_; }
 
-  /// In keyframe mode, after `frame` was matched to the keyframe with `result`: returns the
-  /// previous frame as a second reference if the keyframe has become weak, else null. If the match
-  /// to the previous frame gives a homography, the previous frame becomes the keyframe, and the
-  /// chain of homographies continues.
+  /// Call this in keyframe mode after `frame` was matched to the keyframe with `result`. Returns
+  /// the previous frame as a second reference if the keyframe has become weak, otherwise null. If
+  /// the match to the previous frame then gives a homography, the previous frame becomes the
+  /// keyframe, and the chain of homographies continues.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
   /// Updates the reference and the chain of homographies after `frame` has been matched. `result`:
-  /// the final match, to `reference`; null if there was no reference.
+  /// the final match, which is a match to `reference`; null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
-  /// Homography from the first frame of the unbroken sequence to the last frame; empty in fixed
-  /// mode and if the chain has just (re)started.
+  /// Homography from the first frame of the unbroken sequence to the last frame. Empty in fixed
+  /// mode, and if the chain has just begun or begun anew.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 
-  /// Makes `frame` the fixed reference; null: none.
+  /// Makes `frame` the fixed reference. If it is null, there is no fixed reference.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
-  /// `fresh` is a new frame of the same image and replaces `frame` as a reference.
+  /// Replaces the reference `frame` by `fresh`, a new frame of the same image.
   void replace(const FramePtr& frame, const FramePtr& fresh);
   /// Forgets every reference except the fixed one.
   void forget(NoReference reason);

@@ -8,10 +8,10 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// Mean absolute difference of the pixels on a grid, grey levels. Comparing whole rows of a large
-/// image would take as long as extracting its features.
+/// Mean absolute difference of the pixels on a grid, grey levels. A grid is used because comparing
+/// whole rows of a large image would take as long as extracting its features.
 double differenceOf(const cv::Mat& a, const cv::Mat& b) {
-  constexpr int kStep = 5;  // px; the blocks of a JPEG have 8 px
+  constexpr int kStep = 5;  // px; has no common factor with 8 px, the side of a JPEG block
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (int y = 0; y < a.rows; y += kStep) {
@@ -30,7 +30,7 @@ bool areEqual(const cv::Mat& a, const cv::Mat& b) {
   return true;
 }
 
-/// Appends the value, and keeps the newest `most` values.
+/// Appends the value to `values` and removes the oldest value if there are more than `most`.
 void keep(double value, std::size_t most, std::vector<double>& values) {
   values.reserve(most);
   if (values.size() == most) values.erase(values.begin());
@@ -41,7 +41,8 @@ void keep(double value, std::size_t most, std::vector<double>& values) {
 
 bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                       std::int64_t last_stamp) {
-  constexpr double kLongest = 0.25;  // s: cameras with less than four images a second are rare
+  // Longest interval that counts, s; cameras with less than four images a second are rare.
+  constexpr double kLongest = 0.25;
   constexpr std::size_t kIntervals = 8;
   if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
   const double seconds = 1e-9 * (static_cast<double>(stamp) - static_cast<double>(last_stamp));
@@ -50,9 +51,11 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   const bool is_equal = difference == 0.0 && areEqual(image, last);
   const bool is_same = isInLowerGroup(difference) || is_equal;
   if (is_equal && seconds == 0.0 && stamp != 0) return true;  // the same message came twice
-  // Without stamps, a camera that stands still cannot be told from a camera that repeats images.
+  // Without stamps (0 s), a camera that stands still cannot be told from a camera that repeats
+  // images.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // The first equal image after too long a time may be a late repetition, so its interval counts.
+  // The interval counts, unless the camera already stands still. The first equal image after too
+  // long a time may be a late repetition, so it counts, too.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }
@@ -62,20 +65,25 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
 
 /// How long an image may stay the same before the camera counts as standing still, s.
 double Repeats::patience() const {
-  constexpr double kUnknown = 0.1;  // s: cameras with less than ten images a second are rare
-  constexpr double kMore = 1.5;     // ratio to the longest so far, since intervals vary
+  // Patience without known intervals, s; cameras with less than ten images a second are rare.
+  constexpr double kUnknown = 0.1;
+  constexpr double kMore = 1.5;  // ratio to the longest recent interval, since intervals vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
-/// Whether the difference is in the lower of two alternating groups. A motion that slows down also
-/// has differences in between, and a motion that stops falls to the lower group only once.
+/// Whether the difference is in the lower of two groups between which the differences alternate.
+/// This is not the case if a motion slows down, since there are then differences between the
+/// groups. It is not the case either if a motion stops, since the difference falls to the lower
+/// group only once.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; the noise of compression is larger
-  constexpr double kApart = 2.5;   // ratio of the groups; equal compressions differ by 1.2
-  constexpr double kAlike = 2.0;   // largest ratio in the lower group
-  constexpr int kTimes = 3;        // number of alternations that are needed
+  // Minimum ratio between the groups; differences after equal compressions have ratios of up
+  // to 1.2.
+  constexpr double kApart = 2.5;
+  constexpr double kAlike = 2.0;  // maximum ratio of differences within the lower group
+  constexpr int kTimes = 3;       // minimum number of falls to the lower group
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};
   const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());

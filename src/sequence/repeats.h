@@ -6,13 +6,14 @@
 
 namespace ktgp_orb::sequence {
 
-/// Recognises images that repeat the previous image: some drivers publish an image twice, and some
-/// videos of 30 images a second are stored with 60.
+/// Recognises images that repeat the previous image. Some drivers publish an image twice, and some
+/// videos of 30 images a second are stored with 60 images a second.
 ///
-/// An image with the same pixels is a repetition. If each copy was compressed anew, the differences
-/// from the last new image alternate between large ones, from the motion, and much smaller ones. If
-/// an image stays the same for longer than images usually take to change, the camera stands still.
-/// From then on equal images count as new ones, so that results show the standstill.
+/// An image with the same pixels is a repetition. If each copy was compressed anew, the pixels
+/// differ a little. The differences from the last new image then alternate between large values,
+/// due to the motion, and much smaller values. If an image stays the same for longer than images
+/// usually take to change, the camera stands still. From then on, equal images count as new images,
+/// so that the results show the standstill.
 class Repeats {
  public:
   /// Whether `image`, taken at `stamp` ns, is a repetition of `last`, the newest image that was not
@@ -25,8 +26,9 @@ class Repeats {
   bool isInLowerGroup(double difference);
   double patience() const;
 
-  std::vector<double> differences_;  // of the newest images, grey levels
-  std::vector<double> intervals_;    // between the newest images that changed, s
+  // Differences of the newest images from the last new image, grey levels.
+  std::vector<double> differences_;
+  std::vector<double> intervals_;  // intervals between the newest images that changed, s
   bool stands_still_ = false;
 };
 

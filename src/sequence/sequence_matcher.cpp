@@ -20,7 +20,7 @@ void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
   };
-  // This form of the comparison refuses NaN, too.
+  // This form of the comparison also refuses NaN.
   if (!(options.max_age > 0.0)) refuse("max_age", options.max_age, "a time above 0 s");
   if (!(options.min_overlap >= 0.0 && options.min_overlap <= 1.0)) {
     refuse("min_overlap", options.min_overlap, "a share in [0, 1]");
@@ -30,7 +30,7 @@ void requireValid(const ReferenceOptions& options) {
 }
 
 std::int64_t stampOf(double seconds) {
-  constexpr double kMaxSeconds = 9.2e9;  // limit of 64-bit nanoseconds
+  constexpr double kMaxSeconds = 9.2e9;  // limit of a 64-bit number of nanoseconds, s
   if (!(std::abs(seconds) < kMaxSeconds)) {
     throw std::invalid_argument("the frame's time is " + std::to_string(seconds) +
                                 " s; expected a finite one within 9.2e9 s of zero");
@@ -40,7 +40,8 @@ std::int64_t stampOf(double seconds) {
 
 /// Factor by which to enlarge a small fixed reference.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
-  constexpr double kWanted = 300.0;  // px: ten patches
+  // Wanted length of the shorter side, px; this is ten descriptor patches.
+  constexpr double kWanted = 300.0;
   constexpr double kMost = 4.0;
   if (options.mode != ReferenceMode::fixed || fixed == nullptr) return 1.0;
   const int shorter = std::min(fixed->image.cols, fixed->image.rows);
@@ -48,7 +49,8 @@ double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   return is_small ? std::clamp(kWanted / shorter, 1.0, kMost) : 1.0;
 }
 
-/// `options` with more levels, which enlarge the image by up to `scale` and to at most 2500 px.
+/// Returns `options` with additional levels, which enlarge the image by a factor of up to `scale`,
+/// but to at most 2500 px.
 OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   constexpr double kLargest = 2500.0;  // px
   constexpr int kMostLevels = 16;
@@ -60,7 +62,8 @@ OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   return options;
 }
 
-/// Whether the features were found with other options. Matching must not mix two configurations.
+/// Whether the features of the frame were found with options other than `wanted`. Features of two
+/// configurations must not be matched.
 bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
   return !frame.image.empty() && frame.orb != wanted;
 }
@@ -75,7 +78,8 @@ void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) 
 
 }  // namespace
 
-// Frames are kept, so no image needs to be copied.
+// Sets how features keep their images. The sequence keeps the frames, so no image needs to be
+// copied.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
@@ -89,7 +93,7 @@ bool canMatchAhead(const MatcherOptions& options) {
 
 namespace {
 
-/// Removes the keypoints that the lens could not rectify, whose position is NaN.
+/// Removes the keypoints that the lens could not rectify; the position of such a keypoint is NaN.
 void dropUnplaced(Features& features) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
@@ -114,7 +118,7 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
     frame.lens->rectify(frame.features.keypoints);
     dropUnplaced(frame.features);
     frame.features.images
-        .clear();  // rectified keypoints are no longer at their positions in these images
+        .clear();  // the keypoints are rectified but these images are not, so they do not fit
   }
   frame.extraction_milliseconds = util::millisecondsSince(start);
   frame.orb = extractor.options();
@@ -130,7 +134,7 @@ struct SequenceMatcher::Impl {
 
   void setOptions(const SequenceOptions& as_given);
   OrbOptions orbFor(const Frame& frame, const Frame* fixed) const;
-  /// The fixed reference when `frame` is the next frame; null if there is none.
+  /// The frame that will be the fixed reference when `frame` is matched; null if there is none.
   const Frame* fixedFor(const Frame& frame) const {
     return fix_next_frame ? &frame : keeper.fixed().get();
   }
@@ -153,15 +157,15 @@ struct SequenceMatcher::Impl {
   sequence::Repeats repeats;
   sequence::FramePool pool;
   ReferenceViews views;
-  FramePtr viewed;  // the frame that `views` show
+  FramePtr viewed;  // the frame from which `views` were simulated
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
-  std::optional<RelativePose> last_motion;  // motion of the previous frame
-  double lost_milliseconds = 0.0;           // spent on matches that are not the result
+  std::optional<RelativePose> last_motion;  // motion between the previous frame and its reference
+  double lost_milliseconds = 0.0;           // time that went into matches which are not the result
   bool fix_next_frame = false;
-  bool has_other_input = false;  // options or fixed reference changed since the answer
-  bool had_reference = false;    // whether `answer` had a reference when it was cleared
+  bool has_other_input = false;  // whether options or fixed reference changed since the answer
+  bool had_reference = false;    // whether `answer` had a reference before it was cleared
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
@@ -178,7 +182,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   has_other_input = true;
 }
 
-/// Feature options for `frame`, if `fixed` is the fixed reference (null if there is none).
+/// Feature options for `frame`. `fixed`: the fixed reference; null if there is none.
 OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
   return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
 }
@@ -188,8 +192,9 @@ void SequenceMatcher::Impl::extract(Frame& frame, const OrbOptions& orb) {
   extractFeatures(extractor, frame);
 }
 
-/// Simulated views are worth their time only for a reference that stays. With a lens there are
-/// none, since the keypoints of a view cannot be rectified.
+/// Returns the simulated views of the reference, or null. Views are worth their time only for a
+/// reference that stays. With a lens no views are used, since the keypoints of a view cannot be
+/// rectified.
 const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
   const GrowthOptions& growth = options.matcher.growth;
   const bool wanted = growth.enabled && growth.views > 0 &&
@@ -204,7 +209,8 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
   return &views;
 }
 
-/// `frame` with features of the given options, extracted in place if it has none yet.
+/// Returns `frame` with features found with the options `orb`. Extracts them in place if the frame
+/// has no features yet, otherwise into a new frame.
 FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOptions& orb) {
   if (!isOutdated(*frame, orb)) return frame;
   if (frame->orb) return foundAnew(frame, orb);
@@ -223,7 +229,7 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOption
   fresh->lens = frame->lens;
   fresh->camera = frame->camera;
   fresh->camera_lens = frame->camera_lens;
-  fresh->source = frame;  // owns the pixels
+  fresh->source = frame;  // keeps the owner of the pixels alive
   extract(*fresh, orb);
   keeper.replace(frame, fresh);
   predictor.replace(*frame, *fresh);
@@ -242,7 +248,8 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   if (result.search != Search::near || !predictor.isPoor(result)) return;
-  // Matches again without a search radius; `result` becomes the better of the two.
+  // Matches again, this time without a search radius. The better of the two matches becomes
+  // `result`.
   hints.prediction.reset();
   hints.whole_image = true;
   matcher.match(reference->features, target.features, hints, whole_result);
@@ -256,8 +263,8 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   lost_milliseconds += whole_result.milliseconds();
 }
 
-/// Matches to `reference` and, if that is a weak keyframe, to the previous frame, too. If the
-/// second match succeeds, the previous frame becomes `reference`.
+/// Matches the frame to `reference`. If the reference is a weak keyframe, matches the frame to the
+/// previous frame, too; if this succeeds, the previous frame becomes `reference`.
 void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
                                         MatchAhead* ahead) {
   if (canMatchAhead(options.matcher) && ahead != nullptr && ahead->reference == reference) {
@@ -275,13 +282,14 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
-/// Whether `frame` repeats the image of the answer. This is called before the extraction of
-/// features, which a repeated image does not need.
+/// Whether `frame` repeats the image of the last answer. This is called before the features are
+/// extracted, since a repeated image does not need them.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
   const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
   if (!answer.frame || is_asked_anew) return false;
   const Frame& last = *answer.frame;
-  // The caller may have a mask of its own for each frame.
+  // The caller may use a different mask for each frame, so a repeated image must have the same
+  // mask, too.
   if (frame.mask.data != last.mask.data) return false;
   if (sequence::anotherCamera(frame, last) != NoReference::none) return false;
   return repeats.repeats(frame.image, frame.stamp, last.image, last.stamp);
@@ -291,7 +299,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   answer.repeated = repeatsAnswer(*given);
   if (answer.repeated) return answer;
   const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
-  if (frame != given) ahead = nullptr;  // its matches refer to the old features
+  if (frame != given) ahead = nullptr;  // the match ahead was made with the old features
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -299,7 +307,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   if (reference) {
     matchToBest(*frame, reference, ahead);
     predictor.advance(*frame, *reference, answer.match);
-    // A fixed reference, or one whose features were found anew, has no track numbers yet.
+    // A fixed reference, or a reference whose features were found anew, has no track numbers yet.
     if (reference->tracks.empty()) tracks.begin(*reference);
     tracks.continueTracks(*reference, answer.match, *frame);
   } else {
@@ -356,7 +364,8 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   const FramePtr frame = impl_->pool.takeCopy(image);
   frame->stamp = stamp;
   frame->encoding = encoding;
-  // An empty image has no features; features of an earlier frame must not remain.
+  // An empty image has no features. This call removes the features of an earlier frame from the
+  // buffers.
   if (image.empty()) impl_->extract(*frame, impl_->options.orb);
   return impl_->match(frame, nullptr);
 }
@@ -382,13 +391,14 @@ FramePtr SequenceMatcher::newFrame() {
 }
 
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
-  // Other modes do not use the fixed reference yet; its features are extracted when first needed.
+  // Other modes do not use the fixed reference yet, so its features are extracted when they are
+  // first needed.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
   const FramePtr fixed =
       frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
-  impl_->has_other_input = true;  // a repeated image now has another answer
+  impl_->has_other_input = true;  // from now on a repeated image has another answer
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {

@@ -13,32 +13,36 @@ namespace {
 
 using util::requireInRange;
 
-// Frames farther away in time than this, in standard deviations of the weights, are not used.
+// Frames are used only if their distance in time is at most this, in standard deviations of the
+// weights.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
-// Shake up to this share of the margin is removed completely. With a lag of 0, more is needed.
+// Shake is removed completely up to this share of the margin. With a lag of 0 the share must be
+// larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still, used without later frames. At 30 frames a
-// second the whole history weighs 5, so this weight delays an even motion by 0.01 s.
+// Weight of the assumption that the camera stands still, for the case that no later frames are
+// used. At 30 frames a second the whole history weighs 5, so this weight delays an even motion by
+// 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
   return 1e-9 * static_cast<double>(nanoseconds);
 }
 
-/// The identity for values up to `linear`; smoothly limited to 1.
+/// Returns `share` unchanged up to `linear`; larger values approach 1 smoothly.
 double saturated(double share, double linear) {
   if (share <= linear) return share;
   return linear + (1.0 - linear) * std::tanh((share - linear) / (1.0 - linear));
 }
 
-/// Value at time zero of a weighted line fit; the mean if all values have the same time.
+/// Fits a line through weighted values and returns its value at time zero. If all values have the
+/// same time, returns their mean.
 class LineAtZero {
  public:
-  /// `stillness`: weight, at time 1, of the assumption that the line has no slope. It matters if
-  /// there are few values.
+  /// `stillness`: weight, at time 1, of the assumption that the line has no slope. It has an effect
+  /// only if there are few values.
   explicit LineAtZero(double stillness) : square_(stillness) {}
 
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
@@ -71,7 +75,8 @@ class LineAtZero {
   std::array<Eigen::Vector2d, 4> product_ = sum_;
 };
 
-/// The largest distance by which the corrected view leaves the crop, as a share of the margin.
+/// The largest distance by which the view after the correction reaches beyond the crop, as a share
+/// of the margin.
 double shareOfMargin(const Eigen::Matrix3d& correction,
                      const std::array<Eigen::Vector2d, 4>& corners, double crop) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
@@ -135,22 +140,24 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
   while (!waiting_.empty()) finishOldest(ready);
 }
 
-/// The corners of the frame for a smoothly moving camera. `to_newest`: homography from the frame to
-/// the newest frame of the path.
+/// The corners of the frame as a smoothly moving camera would see them. `to_newest`: homography
+/// from the frame to the newest frame of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
-  // Without later frames the line ends at this frame, whose own shake would count most. So its
-  // weight is almost 0, and the weights grow with the distance. These weights need more margin than
-  // a bell curve but leave less jitter (doc/measurements/stabilization.md).
+  // Without later frames the line ends at this frame, whose own shake would then count most. So
+  // this frame gets a weight of almost 0, and the weights of other frames grow with their distance
+  // in time. These weights need more margin than a bell curve but leave less jitter
+  // (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
-  // At the start of a path the slope of the line through the first few frames would be arbitrary.
+  // kStillness is needed because at the start of a path the slope of the line through the first few
+  // frames would be arbitrary.
   LineAtZero line(ends_here ? kStillness : 0.0);
   line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
-    // Homography from this frame to the other frame.
+    // Homography from the frame at `stamp` to the frame of this step.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
     if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;
@@ -162,8 +169,8 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   return line.value();
 }
 
-/// The homography that moves the corners as wanted, limited so that nothing beyond the border
-/// shows.
+/// The homography that moves the corners by `wanted`. The motion is limited so that nothing beyond
+/// the border of the frame is shown.
 Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
   const Corners corners = homography::imageCorners(size_, {});
   const double area = static_cast<double>(size_.area());

@@ -22,24 +22,27 @@ using Corners = std::array<Eigen::Vector2d, 4>;
 using Points = std::vector<Eigen::Vector2d>;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
 
-// Weights of the first, second and third difference, from the paper that steady_path.h cites.
+// Weights of the first, second and third difference of the motion, from the paper that
+// steady_path.h cites.
 constexpr double kStanding = 10.0;
 constexpr double kEven = 1.0;
 constexpr double kAccelerating = 100.0;
-/// Weight of the window's own motion if the motion of the camera is not known.
+/// Weight of the window's own motion at frames for which the motion of the camera is not known.
 constexpr double kHolding = 1000.0;
-// How far a corner may leave its place in the window, as a share of the window's half size. This
-// limit preserves the shape of the window.
+// Largest distance of a corner from its place in the window, as a share of the window's half size.
+// This limit preserves the shape of the window.
 constexpr double kShape = 0.15;
-// A long recording is solved in overlapping parts, because frames far ahead do not matter.
+// A long recording is solved in overlapping parts, because a correction hardly depends on frames
+// far ahead.
 constexpr std::size_t kPart = 300;  // frames
 constexpr std::size_t kOverlap =
-    100;                           // frames at the end of a part, which the next part solves again
-constexpr std::size_t kKnown = 3;  // last frames of a part, from which the next part continues
+    100;  // number of frames at the end of a part that the next part solves again
+// Number of frames before the overlap whose corrections are fixed when the next part is solved.
+constexpr std::size_t kKnown = 3;
 
-/// A point of the window, and its correction in each frame.
+/// A point of the window, and its correction in each frame: bounds and best value, px.
 struct Track {
-  Eigen::Vector2d place;  ///< position without correction
+  Eigen::Vector2d place;  ///< position without correction, px
   Points low;
   Points high;
   Points best;
@@ -55,14 +58,15 @@ class LinearProgram {
     cost_.push_back(cost);
     return static_cast<int>(cost_.size()) - 1;
   }
-  /// Adds an unknown without bounds, whose absolute value has this cost. It is the difference of
-  /// two variables that are not negative. Returns the number of the first variable.
+  /// Adds an unknown without bounds. Its absolute value has the cost `cost` per unit. It is
+  /// represented as the difference of two variables that are not negative. Returns the number of
+  /// the first variable.
   int addUnknown(double cost) {
     constexpr double kAny = std::numeric_limits<double>::infinity();
     addVariable(0.0, kAny, cost);
     return addVariable(0.0, kAny, cost) - 1;
   }
-  /// Adds an equation: a sum of terms equals `right`. Returns the number of the equation.
+  /// Adds an equation: the sum of its terms equals `right`. Returns the number of the equation.
   int addEquation(double right) {
     right_.push_back(right);
     return static_cast<int>(right_.size()) - 1;
@@ -75,7 +79,8 @@ class LinearProgram {
     addTerm(equation, unknown + 1, -factor);
   }
 
-  /// The values of the variables. Throws std::runtime_error without a solver or a solution.
+  /// Returns the values of the variables. Throws std::runtime_error if this build has no solver or
+  /// the program has no solution.
   std::vector<double> solve() const;
 
  private:
@@ -83,7 +88,7 @@ class LinearProgram {
   std::vector<double> high_;
   std::vector<double> cost_;
   std::vector<double> right_;
-  std::vector<Eigen::Triplet<double>> terms_;  // equation, variable, factor
+  std::vector<Eigen::Triplet<double>> terms_;  // each term: equation, variable, factor
 };
 
 #ifdef KTGP_ORB_HAVE_CLP
@@ -116,7 +121,7 @@ std::vector<double> LinearProgram::solve() const {
 
 #endif
 
-/// Numbers of the unknowns for x and y of each frame; empty at the start of a path.
+/// For each frame, the numbers of the unknowns for x and y; empty for the first frame of a path.
 using Unknowns = std::vector<std::optional<std::array<int, 2>>>;
 
 Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) {
@@ -135,9 +140,9 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// The motion of the point between frames that remains in the steady picture: the place to which
-/// the step takes the point, less its place in the next frame's window. It is linear in the
-/// corrections.
+/// The motion of the point between frames that remains in the steady picture. It is the difference
+/// between the place to which the step takes the point and the place of the point in the next
+/// frame's window. It is linear in the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());
@@ -165,8 +170,8 @@ Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track,
   return found;
 }
 
-/// Finds the best corrections of the frames from `begin` to before `end`. The first `known`
-/// corrections stay.
+/// Finds the best corrections of the frames in [begin, end). The first `known` corrections do not
+/// change.
 void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size_t known,
                Track& track) {
   LinearProgram program;
@@ -186,7 +191,7 @@ void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size
   for (std::size_t t = known; t < corrections.size(); ++t) {
     const Eigen::Vector2d found(values[static_cast<std::size_t>(corrections[t][0])],
                                 values[static_cast<std::size_t>(corrections[t][1])]);
-    // The solver may exceed a bound by its tolerance.
+    // The solver may exceed a bound by its tolerance, so the values are clamped.
     track.best[begin + t] = found.cwiseMax(track.low[begin + t]).cwiseMin(track.high[begin + t]);
   }
 }
@@ -203,7 +208,7 @@ void solve(const Steps& steps, Track& track) {
   }
 }
 
-/// Removes steps that move the window's plane behind the camera, or mirror it.
+/// Removes steps that mirror the frame or move a part of it behind the camera.
 Steps usableSteps(const Steps& steps, const Corners& corners) {
   Steps usable = steps;
   for (auto& step : usable) {

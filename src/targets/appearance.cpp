@@ -11,12 +11,13 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr int kSide = 8;         // px of a block
-constexpr int kMostBlocks = 16;  // blocks along a side of the picture
+constexpr int kSide = 8;         // side of a block, px
+constexpr int kMostBlocks = 16;  // largest number of blocks along a side of the picture
 constexpr float kAlike = 0.7F;   // correlation
 constexpr int kDecoyReach = 2;   // blocks
 
-/// log10 of Chernoff's bound for `hits` or more of `count`, each with probability `chance`.
+/// log10 of Chernoff's bound on the probability of at least `hits` hits in `count` trials, where
+/// each trial hits with probability `chance`.
 double logTail(double hits, double count, double chance) {
   const double share = hits / count;
   if (share <= chance) return 0.0;
@@ -25,15 +26,16 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Number of blocks along a side. Neighbouring pixels of an enlarged frame repeat each other, so a
-/// block has at least 4 px of the camera.
+/// Number of blocks along a side of the picture. A block covers at least 4 px of the camera, since
+/// neighbouring pixels of an enlarged frame are not independent.
 int blocksAlong(double length, double enlargement) {
   constexpr double kLeastTaken = 4.0;  // px of the camera
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
-/// Dot product. Sixteen sums become vector code; a single sum would have to keep its order.
+/// Dot product. The compiler can turn sixteen partial sums into vector code, but it must not change
+/// the order of a single sum.
 float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
   constexpr int kColumns = 16;
   float sums[kColumns] = {};
@@ -71,8 +73,9 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
 
 bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
-  constexpr double kLongest = 48.0;  // px of the canvas; more takes time, and finds the same place
-  constexpr double kLeastAlike = 0.4;  // correlation; afterwards the blocks are compared
+  // Longer side of the canvas, px; a larger canvas takes longer and gives the same place.
+  constexpr double kLongest = 48.0;
+  constexpr double kLeastAlike = 0.4;  // least correlation; low, since compare() follows
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   const double scale = std::min(1.0, kLongest / std::max(seen.width, seen.height));
   const cv::Size size(std::max(kSide, cvRound(scale * seen.width)),
@@ -122,7 +125,7 @@ void Appearance::cut(const cv::Mat& image, float least_deviation,
   }
 }
 
-/// Marks the blocks whose middle is in the frame.
+/// Marks the blocks whose centre is in the frame.
 void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture,
                           const cv::Size& frame) {
   std::size_t number = 0;
@@ -175,8 +178,10 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;  // grey values
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
-  constexpr double kLeastShare = 0.3;  // share of the blocks in view; the others may be hidden
-  // Both images share a canvas, which is no finer than the picture appears in the frame.
+  // Minimum share of the blocks in view that must look alike; the other blocks may be hidden.
+  constexpr double kLeastShare = 0.3;
+  // Picture and frame are warped to the same canvas. Its resolution is at most the resolution of
+  // the picture in the frame.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   columns_ = blocksAlong(seen.width, frame.enlargement);
   rows_ = blocksAlong(seen.height, frame.enlargement);
@@ -186,7 +191,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   markSeen(homography, picture.image.size(), frame.levels[0].size());
 
   const Agreement own = agreementAt(0, 0);
-  double largest = 0.0;  // share of hits at the best decoy
+  double largest = 0.0;  // largest share of hits among the decoy positions
   const Agreement decoys = agreementOfDecoys(kFewest, largest);
   Similarity similarity;
   similarity.agreement = own.hits / std::max(own.pairs, 1.0);
@@ -202,8 +207,11 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
 }
 
 double Appearance::shareThatDiffers() const {
-  constexpr float kUnlike = 0.2F;    // correlation; blurred blocks correlate more
-  constexpr double kFewest = 100.0;  // blocks, least divisor: a few may differ by chance
+  // Correlation below which blocks differ; blurred blocks correlate more.
+  constexpr float kUnlike = 0.2F;
+  // Least divisor, in blocks: in a small picture, a few blocks that differ by chance must not give
+  // a large share.
+  constexpr double kFewest = 100.0;
   double all = 0.0, unlike = 0.0;
   for (int row = 1; row + 1 < rows_; ++row) {
     for (int column = 1; column + 1 < columns_; ++column) {

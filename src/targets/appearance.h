@@ -16,9 +16,9 @@ struct FramePyramid {
 };
 
 /// Compares a picture with the frame under a homography, block by block, by the correlation of grey
-/// values. The rate of chance hits is measured: how often a block of the picture looks like a block
-/// of the frame near its own place. So the blocks of a repetitive picture, which all look alike,
-/// are no evidence. Reuses its buffers.
+/// values. The rate of chance hits is measured: it is the share of pairs that look alike when a
+/// block of the picture is compared with a wrong block of the frame nearby. So the blocks of a
+/// repetitive picture, which all look alike, are no evidence. Reuses its buffers.
 class Appearance {
  public:
   struct Similarity {
@@ -28,36 +28,39 @@ class Appearance {
     bool differs = false;    ///< most blocks in view have texture and do not look alike
   };
 
-  /// Factor by which more blocks must look alike at their own place than at any place nearby: a
-  /// facade or lines of text nearly look alike one window or one line further. If a track predicts
-  /// the place, this place must only be the best.
+  /// The share of blocks that look alike must be this many times as large at the place of the
+  /// homography as at any place nearby, because a facade or a text nearly looks alike after a shift
+  /// by one window or one line. If a track predicts the place, the share at this place need only be
+  /// the largest.
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 
-  /// `homography`: picture -> level 0 of the frame. `tests`: how many pictures and homographies are
-  /// compared in all.
+  /// `homography`: picture -> level 0 of the frame. `tests`: total number of comparisons (pictures
+  /// times homographies).
   Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                      const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
   /// Share of the blocks that look clearly different, among the blocks with texture in both images
-  /// of the last comparison. Another text differs clearly; another light or blur does not. Blocks
-  /// at the border are left out, because one of the images may show less there.
+  /// of the last comparison. A different text counts as clearly different; different light or blur
+  /// does not. Blocks at the border are left out, because one of the images may be incomplete
+  /// there.
   double shareThatDiffers() const;
 
-  /// Moves a homography by up to `radius` px of the frame to where the images look most alike.
-  /// False, without a result, if the images look different everywhere.
+  /// Shifts a homography by up to `radius` px of the frame to the place where the images look most
+  /// alike. Returns false, without a result, if they look different everywhere.
   bool locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
               const FramePyramid& frame, double radius, Eigen::Matrix3d& located);
 
  private:
   struct Block {
     bool has_texture = false;
-    bool is_seen = true;  // the block is in the frame
-    float values[64];     // mean 0, length 1
+    bool is_seen = true;  // whether the centre of the block is in the frame
+    float values[64];     // grey values, normalised to mean 0 and norm 1
   };
-  /// Comparison of the picture with the frame (dx, dy) blocks away: `pairs` of blocks with texture
-  /// in the picture, and `hits` among them, which look alike.
+  /// Result of comparing the picture with the frame at a shift by (dx, dy) blocks. `pairs`: number
+  /// of pairs of blocks whose block of the picture has texture. `hits`: number of these pairs that
+  /// look alike.
   struct Agreement {
     double hits = 0.0;
     double pairs = 0.0;

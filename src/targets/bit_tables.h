@@ -23,7 +23,7 @@ class BitTables {
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 
   /// `bits_of(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
-  /// fewer bits find more and take longer.
+  /// with fewer bits, the search finds more descriptors and takes longer.
   template <typename BitsOf>
   void build(std::size_t count, int key_bits, BitsOf bits_of) {
     key_bits_ = key_bits;
@@ -35,9 +35,9 @@ class BitTables {
       }
       std::partial_sum(table.start.begin(), table.start.end(), table.start.begin());
       table.items.resize(count);
-      // Here `start` has the ends of the cells. Each item moves the end of its cell down, so that
-      // `start` has the beginnings afterwards. The loop goes backwards so that the items of a cell
-      // keep their order.
+      // At this point, `start` holds the ends of the cells. Each item decrements the end of its
+      // cell, so that `start` holds the beginnings of the cells afterwards. The loop goes backwards
+      // so that the items of a cell keep their order.
       for (std::size_t i = count; i-- > 0;) {
         table.items[--table.start[keyOf(bits_of(i), t)]] = {static_cast<std::uint32_t>(i),
                                                             otherBits(bits_of(i), t)};
@@ -47,7 +47,7 @@ class BitTables {
 
   struct Item {
     std::uint32_t number;
-    std::uint32_t some_bits;  // bits outside the key; they show that most items differ
+    std::uint32_t some_bits;  // 32 bits outside the key, a fast test that rejects most items
   };
   struct Similar {
     std::uint32_t query;
@@ -65,9 +65,9 @@ class BitTables {
     std::vector<Run> runs;
   };
 
-  /// Finds the descriptors that share the key of a query in one of the tables from `first` to
-  /// before `end`, and differ in few other bits. `wanted_of(q)`: the descriptor of query q, below
-  /// `queries`. Works in steps; each step fetches the memory that the next step needs.
+  /// Finds the descriptors that have the same key as a query in one of the tables `first` to `end`
+  /// - 1, and that differ in few other bits. `wanted_of(q)`: the descriptor of query q, for q from
+  ///   0 to `queries` - 1. Works in steps; each step fetches the memory that the next step needs.
   template <typename WantedOf>
   void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wanted_of,
             Found& found) const {
@@ -85,7 +85,8 @@ class BitTables {
       const std::uint32_t* start = &tables_[t].start[run.begin];
       if (++t == end) t = first;
       const std::uint32_t length = start[1] - start[0];
-      // Which cells are empty is random. A branch would be mispredicted, so there is none.
+      // No branch here: empty cells are distributed at random, so the processor would mispredict
+      // it.
       runs[used] = {run.query, run.others, start[0], start[1], run.items};
       const bool is_used = length > 0 && length <= fullest_cell_;
       used += static_cast<std::size_t>(is_used);
@@ -106,7 +107,8 @@ class BitTables {
 
  private:
   struct Table {
-    std::vector<std::uint32_t> start;  // first item of each key, and the end
+    // Index of the first item of each key, then the number of items.
+    std::vector<std::uint32_t> start;
     std::vector<Item> items;
   };
 
@@ -114,7 +116,7 @@ class BitTables {
     return static_cast<std::uint32_t>(bits[table / 2] >> (32 * (table % 2))) &
            ((1U << key_bits_) - 1U);
   }
-  /// 32 bits of the word after the key's word.
+  /// 32 bits of the word that follows the key's word.
   static std::uint32_t otherBits(const growth::Bits& bits, std::size_t table) {
     return static_cast<std::uint32_t>(bits[(table / 2 + 1) % bits.size()] >> 16);
   }

@@ -12,12 +12,14 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr double kCopySide = 96.0;       // px; longer side of the copy that is compared with itself
-constexpr double kLeastMove = 0.08;      // share of the side; a smaller move is the same place
-constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
-constexpr double kLeastAgreement = 0.6;  // share of the blocks
+// Longer side of the small copy that is compared with itself, px.
+constexpr double kCopySide = 96.0;
+constexpr double kLeastMove = 0.08;  // share of the side; a smaller shift counts as the same place
+constexpr double kLeastAlike = 0.5;  // least correlation; low, since the blocks are compared later
+constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
-constexpr std::size_t kMostPlaces = 4;  // limit of tested places for each turn
+// Limit of places that are tested for each of the four turns.
+constexpr std::size_t kMostPlaces = 4;
 
 /// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
@@ -57,7 +59,7 @@ std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
 
 using Outline = std::vector<cv::Point2f>;
 
-/// Number of the pairs of `one` within the outline.
+/// Number of pairs of `one` whose target point is inside the outline.
 std::size_t countInside(const FoundTarget& one, const Outline& outline) {
   const std::vector<Eigen::Vector2d>& points = one.pairs.target;
   return static_cast<std::size_t>(
@@ -67,7 +69,7 @@ std::size_t countInside(const FoundTarget& one, const Outline& outline) {
       }));
 }
 
-/// Area of the box around the points, px².
+/// Area of the bounding box of the points, px².
 double areaOf(const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector2d& p : points) box.extend(p);
@@ -76,7 +78,8 @@ double areaOf(const std::vector<Eigen::Vector2d>& points) {
 
 /// Whether the points of `one` are spread over most of its picture.
 bool coversPicture(const FoundTarget& one, TargetStore& store) {
-  constexpr double kShare = 0.6;  // share of the area
+  // Minimum share of the picture's area that the bounding box of the points covers.
+  constexpr double kShare = 0.6;
   return areaOf(one.pairs.reference) > kShare * store.picture(one.picture).image.size().area();
 }
 
@@ -93,15 +96,15 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether `one` is much less likely by chance than `other`. If only a part that both targets share
-/// is in view, their support is nearly equal, and either may be there.
+/// Whether chance explains `one` much less than `other`. If only a part is in view that both
+/// targets have in common, both have nearly the same support, and each of them may be there.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
 }
 
-/// Whether `one` looks less like its picture than `around` does, although light and blur are the
-/// same.
+/// Whether the agreement of `one` with its picture is clearly smaller than the agreement of
+/// `around` with its own picture, although both are seen in the same light and with the same blur.
 bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
   constexpr double kRatio = 0.8;
   return one.agreement < kRatio * around.agreement;
@@ -109,7 +112,8 @@ bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
 
 /// Whether the points of `one` are spread over most of the part of its picture that has keypoints.
 bool coversTexture(const FoundTarget& one, TargetStore& store) {
-  constexpr double kShare = 0.6;  // share of the area
+  // Minimum area of the bounding box of the points, as a share of the box of all keypoints.
+  constexpr double kShare = 0.6;
   const TargetPicture& picture = store.picture(one.picture);
   Eigen::AlignedBox2d all;
   for (std::size_t i = 0; i < picture.own; ++i) {
@@ -119,7 +123,7 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
   return areaOf(one.pairs.reference) > kShare * all.volume();
 }
 
-/// Whether the common area of the outlines is more than `share` of the larger outline.
+/// Whether the intersection of the outlines is more than `share` of the area of the larger outline.
 bool areInOnePlace(const Outline& a, const Outline& b, double share) {
   Outline common;
   return cv::intersectConvexConvex(a, b, common) >
@@ -127,10 +131,11 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
 }
 
 /// Whether a part of the image, such as a text, clearly differs from the picture found in it. The
-/// part must be so large that conflicts() can tell which of the two is seen. Measured shares of
-/// differing blocks: at most 0.031 in 350 copies of pictures in another light, scale and blur,
-/// where the copy was found in the right place; at least 0.041 in signs with the same upper half
-/// and a common word below. A glare with a sharp edge may have 0.08.
+/// part must be so large that conflicts() can tell which of the two pictures is seen. Measured
+/// shares of differing blocks: at most 0.031 in 350 copies of pictures in another light, scale and
+/// blur, where the copy was found in the right place; at least 0.041 in different signs that have
+/// the same upper half and one word of the lower half in common. A glare with a sharp edge may have
+/// 0.08.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;
@@ -175,7 +180,8 @@ std::string ambiguityOf(const TargetPicture& picture) {
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
   // Least share of a target's points inside the other target's outline.
   constexpr double kMost = 0.7;
-  constexpr double kSamePlace = 0.5;  // share of the area
+  // Minimum common share of the larger outline if both targets are in the same place.
+  constexpr double kSamePlace = 0.5;
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;
   outlines.reserve(found.size());

@@ -15,7 +15,7 @@ namespace ktgp_orb::targets {
 std::string ambiguityOf(const TargetPicture& picture);
 
 /// Marks the doubtful targets (non-zero): another target explains the same part of the frame with
-/// as much support or nearly so (FoundTarget::log_false_alarms). There are two cases:
+/// as much support or nearly so (see FoundTarget::log_false_alarms). There are two cases:
 /// - Both pictures have a part in common, such as a logo. Only this part of the doubtful target is
 /// seen, within the other target. (A target that lies on another target is seen as a whole and
 /// looks like its picture as much as the other target does. A target below another is seen outside

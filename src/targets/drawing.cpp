@@ -6,7 +6,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kFractionBits = 4;   // sixteenths of a pixel
+constexpr int kFractionBits = 4;   // coordinates for OpenCV are sixteenths of a pixel
 constexpr double kFarthest = 1e5;  // px
 
 std::vector<cv::Point> outlineOf(const DetectedTarget& detection) {

@@ -18,8 +18,8 @@ constexpr std::int32_t kFewestIndexVotes = 2;
 // Votes that a seed needs to be grown. Each keypoint of the frame is paired with the most similar
 // keypoint of this target, so there are many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
-// Votes that a seed of a further instance needs. The limit is higher because most frames show only
-// one instance.
+// Votes that a seed of a further instance needs. The limit is higher than for the first instance,
+// because most frames show only one instance.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
 // The thorough tables are searched only if the best seed has at least this many votes.
@@ -40,8 +40,9 @@ void FrameSearch::setFrame(const Features& features, double scale) {
   }
   tables_.setFrame(bits_);
   is_thorough_set_ = false;
-  // Step of the order in which keypoints are looked up. A step of about 0.618 of their number
-  // spreads the keypoints of one call evenly. Without a common divisor, every keypoint is reached.
+  // Keypoints are looked up in steps of about 0.618 of their number, so that the keypoints of one
+  // call are spread evenly. The step has no common divisor with the number, so every keypoint is
+  // reached.
   step_ = std::max<std::size_t>(1, bits_.size() * 618 / 1000);
   while (std::gcd(step_, bits_.size()) > 1) ++step_;
 }
@@ -106,7 +107,8 @@ int FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
   return count;
 }
 
-/// Searches for the pictures of the target among keypoints that are not taken, until one is found.
+/// Searches for the pictures of the target among the keypoints that are not taken. Stops at the
+/// first picture that is found.
 bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
   bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
@@ -155,8 +157,8 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
   if (!is_there) found.push_back(std::move(result));
 }
 
-/// Marks the keypoints that agree with this instance, and all others within its outline: the next
-/// instance is searched without them.
+/// Marks the keypoints that agree with this instance, and all other keypoints within its outline,
+/// as taken: the search for the next instance does not use them.
 void FrameSearch::take(const FoundTarget& target) {
   const Eigen::Matrix3d& map = target.estimate.homography;
   const Eigen::Matrix3d back = map.inverse();
@@ -171,7 +173,7 @@ void FrameSearch::take(const FoundTarget& target) {
   for (const std::int32_t i : target.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
 }
 
-/// Gives `rest_` the features that are not taken.
+/// Passes the features that are not taken to `rest_`.
 void FrameSearch::setRest() {
   rest_numbers_.clear();
   rest_features_.keypoints.clear();

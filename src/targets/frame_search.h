@@ -15,7 +15,7 @@ namespace ktgp_orb::targets {
 /// A target that may be in the frame: some of its pairs of keypoints agree with each other.
 struct Candidate {
   StoredTarget* target;
-  std::int32_t votes;  ///< votes of its best seed
+  std::int32_t votes;  ///< votes of the best seed of the target
 };
 
 /// Searches for targets in one frame. The result for a target depends only on this target and the
@@ -29,23 +29,26 @@ class FrameSearch {
   /// `features` must live until the last search. `scale`: px of the searched image per camera px.
   void setFrame(const Features& features, double scale);
 
-  /// Looks up at most `count` keypoints in the index of all targets, from place `turn` of a fixed
-  /// order on. Keypoints that follow each other in this order lie in different parts of the frame.
+  /// Looks up at most `count` keypoints in the index of all targets. Begins at place `turn` of a
+  /// fixed order. Keypoints that follow each other in this order lie in different parts of the
+  /// frame.
   void lookUp(std::size_t turn, std::size_t count);
   /// The targets that may be in the frame, according to the keypoints looked up so far, sorted by
   /// the numbers of their pictures.
   const std::vector<Candidate>& candidates();
 
-  /// Appends the instances of the target, at most options.max_instances, and returns their number.
+  /// Finds at most options.max_instances instances of the target, appends them to `found`, and
+  /// returns their number.
   int search(StoredTarget& target, std::vector<FoundTarget>& found);
   /// Searches for one more instance within `radius` px of a prediction (picture's `image` -> frame,
-  /// px), by the images alone. Appends it unless `found` has an instance of this target there.
+  /// px), by comparing the images, without keypoints. Appends it unless `found` has an instance of
+  /// this target there.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
  private:
   static constexpr int kKeyBits = 13;
-  static constexpr int kThoroughKeyBits = 11;  // four times as many comparisons
+  static constexpr int kThoroughKeyBits = 11;  // needs four times as many comparisons as kKeyBits
 
   int searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
   bool searchOnce(StoredTarget& target, FoundTarget& result);
@@ -59,11 +62,11 @@ class FrameSearch {
   std::vector<growth::LocalFrame> frames_;  // local frames of the features
   std::vector<growth::Bits> bits_;          // descriptors of the features
   FrameTables tables_;
-  FrameTables thorough_tables_;  // set for the frame when they are needed
+  FrameTables thorough_tables_;  // built for the frame only if needed
   bool is_thorough_set_ = false;
   std::size_t step_ = 1;  // step between keypoints that are looked up
   std::vector<std::uint32_t> queries_;
-  std::vector<IndexHit> hits_;                // answer of the index
+  std::vector<IndexHit> hits_;                // result of the look-up in the index
   std::vector<std::vector<IndexHit>> pairs_;  // pairs of each picture of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;

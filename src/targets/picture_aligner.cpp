@@ -11,9 +11,11 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr double kPatchStep = 8.0;   // px of the small picture between patches: half a patch
+// Distance between patches, px of the small picture: half a patch.
+constexpr double kPatchStep = 8.0;
 constexpr double kPatchReach = 4.0;  // px
-constexpr int kMargin = 8;  // px around the small picture, since pixels beside a patch are read
+// Border around the small picture, px, since the alignment reads pixels beside a patch.
+constexpr int kMargin = 8;
 constexpr std::size_t kFewestPatches = 12;
 
 }  // namespace
@@ -36,7 +38,7 @@ void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matri
 bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
                           const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
                           UncertainHomography& estimate) {
-  constexpr double kFirstReach = 24.0;  // px of the small picture
+  constexpr double kFirstReach = 24.0;  // first radius of the growth, px of the small picture
   constexpr double kReachFactor = 1.4;
   constexpr std::size_t kFewestForHomography = 40;
   constexpr double kScale = 1.0;  // px
@@ -69,7 +71,8 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   of_small.homography /= of_small.homography(2, 2);
   const double all = std::hypot(size_.width, size_.height);
   // The first round improves the homography that warps the patches in the last round. A quarter of
-  // the patches is enough for this, if the picture has so many.
+  // the patches is enough for the first round, unless the picture is so small that too few patches
+  // remain.
   const auto improve = [&](double step) {
     return alignNear({0.0, 0.0}, all, step, of_small.homography) && refine(of_small);
   };
@@ -81,12 +84,14 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   for (std::size_t i = 0; i < reference_.size(); ++i) {
     if (!(homography::errorOf(of_small.homography, reference_[i], target_[i]) < near)) continue;
     pairs.add(homography::project(to_picture, reference_[i]), target_[i],
-              0.5);  // all are equally good
+              // All pairs get the same weight.
+              0.5);
   }
   return true;
 }
 
-/// Largest error of a patch that agrees with the homography, px. Other patches matched elsewhere.
+/// Largest error, px, of a patch that agrees with the homography. Patches with larger errors were
+/// matched at a wrong place.
 double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
   constexpr double kTimesMedian = 3.0;
   constexpr double kLeast = 0.3;  // px
@@ -108,8 +113,9 @@ bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d&
          point.x() < size_.width - 1.0 - margin.x() && point.y() < size_.height - 1.0 - margin.y();
 }
 
-/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if too few patches, or
-/// too small a share of the usable patches, were found again. `map`: small picture -> frame.
+/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if the number of
+/// patches that were found in the frame, or their share of the usable patches, is too small. `map`:
+/// small picture -> frame.
 bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, double step,
                                const Eigen::Matrix3d& map) {
   constexpr double kLeastShare = 0.3;
@@ -139,7 +145,7 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// Fits the homography to the patches last aligned.
+/// Fits the homography to the patches of the last call of alignNear().
 bool PictureAligner::refine(UncertainHomography& estimate) {
   constexpr double kMaxError = 3.0;  // px
   return refiner_.refine(reference_, target_, size_,

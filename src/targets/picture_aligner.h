@@ -11,10 +11,11 @@
 
 namespace ktgp_orb::targets {
 
-/// Corrects the homography of a picture by patches of the images, as ktgp_orb::Alignment does for
-/// two frames. There are two differences. The picture is first made as small as it appears in the
-/// frame, by averaging, so that both images are equally sharp. The patches lie on a grid over the
-/// whole picture, not at keypoints, because a small target has few keypoints. Reuses its buffers.
+/// Corrects the homography of a picture by aligning patches of the images, as ktgp_orb::Alignment
+/// does for two frames. It differs from Alignment in two ways. The picture is first made as small
+/// as it appears in the frame, by averaging, so that both images are equally sharp. The patches lie
+/// on a grid over the whole picture, not at keypoints, because a small target has few keypoints.
+/// Reuses its buffers.
 class PictureAligner {
  public:
   PictureAligner();
@@ -26,9 +27,10 @@ class PictureAligner {
             const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
             UncertainHomography& estimate);
 
-  /// `frame`: pyramid of the frame, not empty. `estimate`: picture -> frame, px; right within about
-  /// 4 px. True: `estimate` is corrected and was fitted to `pairs`. False: both are unchanged,
-  /// since too few patches were found again, or they do not agree on a homography.
+  /// `frame`: pyramid of the frame, not empty. `estimate`: picture -> frame, px; its error is at
+  /// most about 4 px. True: `estimate` is corrected, and `pairs` are the pairs of points to which
+  /// it was fitted. False: both are unchanged, since too few patches were found again, or they do
+  /// not agree on a homography.
   bool align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
              UncertainHomography& estimate, PointPairs& pairs);
 
@@ -42,8 +44,8 @@ class PictureAligner {
 
   alignment::PatchAligner aligner_;
   homography::HomographyRefiner refiner_;
-  cv::Mat shrunk_;              // the picture as small as in the frame
-  std::vector<cv::Mat> small_;  // shrunk_ with a border; one level
+  cv::Mat shrunk_;              // the picture at the size that it has in the frame
+  std::vector<cv::Mat> small_;  // pyramid with one level: shrunk_ with a border
   cv::Size size_;               // size of the picture without the border
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<double> errors_;  // px

@@ -14,7 +14,8 @@ namespace {
 using growth::Grower;
 using growth::kTargetPlan;
 
-constexpr float kRadiusAfterFit = 7.F;  // px; a fit to many seeds predicts better than one seed
+// Radius of the search, px; small, since a fit to many seeds predicts better than one seed.
+constexpr float kRadiusAfterFit = 7.F;
 
 /// Whether the homography can be a view of the whole picture.
 bool isView(const Eigen::Matrix3d& homography, const TargetPicture& picture) {
@@ -32,8 +33,9 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 }
 
 bool PictureSearch::isExplained(const Seed& seed) const {
-  constexpr double kNear = 10.0;        // px
-  constexpr std::ptrdiff_t kTwice = 2;  // maps; a single map may come from a wrong first seed
+  constexpr double kNear = 10.0;  // px
+  // number of maps that must explain a seed; a single map may be wrong
+  constexpr std::ptrdiff_t kTwice = 2;
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from(), seed.to()) < kNear;
          }) >= kTwice;
@@ -76,12 +78,12 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   return true;
 }
 
-/// A false alarm would have to lie within the radius and look more like the picture than the places
-/// around it. Chance has fewer opportunities than in a search of the whole frame for any picture,
-/// so weaker evidence is enough.
+/// Weaker evidence is enough here than in a search of the whole frame for any picture, because
+/// chance has fewer opportunities: a false alarm would have to lie within the radius and to look
+/// more like the picture than the places around it.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundTarget& found) {
-  constexpr double kPlaces = 100.0;  // number of places within the radius that do not look alike
+  constexpr double kPlaces = 100.0;  // number of independent places within the radius
   if (frame_.levels.empty()) return false;
   aligned_ = {};
   if (!appearance_.locate(picture, prediction, frame_, radius, aligned_.homography) ||
@@ -109,8 +111,8 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
   return accept(picture, map, pictures, found);
 }
 
-/// Grows from the patches around the seed to the whole picture. This helps if there are few
-/// keypoints, or few are found again in this view.
+/// Grows from the patches around the seed to the whole picture. This helps if the picture has few
+/// keypoints, or if few of them are found in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundTarget& found) {
@@ -128,7 +130,7 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 }
 
 /// Fits the homography to the pairs that the grower has just found, and judges it by the images. If
-/// these do not confirm it, decoys of the keypoints decide.
+/// the images do not confirm the homography, it is judged by decoys of the keypoints.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
@@ -142,7 +144,8 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   }
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
-  // Another copy of the target beside this one must not count as a period of the picture.
+  // Limits the period, because another copy of the target beside this copy must not count as a
+  // repetition within the picture.
   const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
@@ -188,7 +191,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
                          found.estimate);
 }
 
-/// Takes the pairs of the grower's last search.
+/// Sets the pairs of `found` to the pairs of the grower's last search.
 void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
   found.pairs = grower_.pairs();
@@ -218,7 +221,8 @@ void PictureSearch::dropOutliers(FoundTarget& found) {
 void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
-  // Keypoints in a small part of the picture do not determine its other parts, so the images do.
+  // Keypoints in a small part of the picture do not determine the homography elsewhere, so it is
+  // grown by the images.
   const Eigen::Matrix3d& map = found.estimate.homography;
   const Eigen::Vector2d centre = growth::middleOf(found.pairs.reference);
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
@@ -232,7 +236,8 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
 }
 
 bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
-  constexpr double kMostDeviation = 5.0;  // px of a corner, in the image where it is smaller
+  // Largest standard deviation of a corner, px; the smaller of its values in the two images counts.
+  constexpr double kMostDeviation = 5.0;
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
                                   homography::imageCorners(picture.image.size(), {}));

@@ -20,14 +20,16 @@ namespace ktgp_orb::targets {
 /// A picture of a target in the frame. The caller of PictureSearch sets the first three members.
 struct FoundTarget {
   StoredTarget* target = nullptr;
-  std::uint32_t picture = 0;     ///< number in the store
-  bool predicted = false;        ///< found at the place that a track predicts
-  UncertainHomography estimate;  ///< picture's `image` -> frame, px
+  std::uint32_t picture = 0;     ///< number of the picture in the store
+  bool predicted = false;        ///< the picture was found at the place that a track predicts
+  UncertainHomography estimate;  ///< homography from the picture's `image` to the frame, px
   bool aligned = false;
-  PointPairs pairs;  ///< pairs that `estimate` was fitted to; px of `image` and of the frame
-  std::vector<std::int32_t> keypoints;  ///< numbers of the frame's keypoints that agree
+  PointPairs pairs;  ///< pairs to which `estimate` was fitted, px of `image` and of the frame
+  /// Numbers of the keypoints of the frame that agree with `estimate`.
+  std::vector<std::int32_t> keypoints;
   double log_false_alarms = 0.0;
-  double agreement = 0.0;  ///< share of the part in view that looks alike; 0: not compared
+  /// Share of the visible part that looks like the picture; 0: not compared.
+  double agreement = 0.0;
 };
 
 /// Searches for a picture in a frame, from seeds or a predicted homography. Reuses its buffers.
@@ -39,29 +41,33 @@ class PictureSearch {
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                 const FramePyramid& frame);
 
-  /// Tries the best seeds, at most kMostSeeds, until one grows to a homography that chance does not
-  /// explain. `pictures`: number of known pictures, each of which is an opportunity for chance.
+  /// Tries the best seeds, at most kMostSeeds, until a seed grows to a homography that chance does
+  /// not explain. `pictures`: number of known pictures; each picture is one more opportunity for a
+  /// chance hit.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
-  /// Follows a picture that was seen in the last frame, without its keypoints: the images are
-  /// compared near the predicted place, then aligned. `prediction`: right within about `radius` px.
+  /// Follows a picture that was seen in the last frame, without keypoints: the images are compared
+  /// near the predicted place, then aligned. `prediction`: picture -> frame, with an error of at
+  /// most about `radius` px.
   bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
               FoundTarget& found);
   /// Corrects the homography by the images.
   void align(const TargetPicture& picture, FoundTarget& found);
-  /// Compares the images again if they agreed little before the alignment. False if most of the
-  /// part in view looks different.
+  /// Compares the images again if their agreement before the alignment was small. False if most of
+  /// the visible part looks different.
   bool confirm(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
   /// False if so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundTarget& found);
 
-  /// Limits of log10 of the expected false alarms: of a search anywhere, and of a followed target.
+  /// Limits of log10 of the expected number of false alarms, for a search of the whole frame and
+  /// for a followed target.
   static constexpr double kLogMaxFalseAlarms = -8.0;
   static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
-  /// Limits of the attempts for one picture in a frame, each of which is an opportunity for chance.
-  /// Seeds come from two kinds of tables, and each seed can give three homographies.
+  /// Limits of the number of attempts for one picture in a frame; each attempt is an opportunity
+  /// for a chance hit. Seeds come from two kinds of tables, and each seed can give three
+  /// homographies.
   static constexpr int kAllSeeds = 2 * kMostSeeds;
   static constexpr int kAllHomographies = 3 * kAllSeeds;
 
@@ -82,7 +88,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Removes the pairs that do not agree with the homography last labelled.
+  /// Removes the pairs of `found` that the last labelling marked as outliers.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;

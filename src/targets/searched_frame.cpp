@@ -13,9 +13,10 @@ constexpr double kOctave = 2.0;
 
 /// Enlargement of a frame if small targets are wanted; 1: none.
 double enlargementOf(int longer_side) {
-  constexpr double kEnlarged = 960.0;  // px; more takes time, and loses large targets
+  // Wanted longer side, px; a larger frame takes longer, and large targets are lost.
+  constexpr double kEnlarged = 960.0;
   constexpr double kMost = 4.0;
-  constexpr double kLeast = 1.25;  // a smaller factor finds hardly more
+  constexpr double kLeast = 1.25;  // a smaller factor finds hardly more targets
   if (longer_side <= 0) return 1.0;
   const double most = static_cast<double>(SearchedFrame::kLargestFrame) / longer_side;
   const double by = std::min(std::clamp(kEnlarged / longer_side, kOctave, kMost), most);
@@ -33,7 +34,8 @@ OrbOptions enlarged(OrbOptions options, double by) {
   return options;
 }
 
-/// Rounds to whole pixels. The homography back to the frame needs the ratio of these sizes.
+/// The enlarged size, rounded to whole pixels. The homography to the original frame must use the
+/// ratio of the rounded sizes.
 cv::Size resized(const cv::Size& size, double by) {
   return {std::max(1, cvRound(by * size.width)), std::max(1, cvRound(by * size.height))};
 }

@@ -9,12 +9,12 @@
 
 namespace ktgp_orb::targets {
 
-/// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints. So
-/// if such targets are wanted, the frame is enlarged to twice its size. A frame below 480 px is
-/// enlarged up to four times, because targets are smaller there. The enlarged frame has at most
-/// kLargestFrame px: above half of this the enlargement is less than twofold, and above four fifths
-/// there is none. A frame above kLargestFrame is made smaller, because the pyramid does not reach a
-/// target that fills it. Reuses its buffers.
+/// A frame, resized for the search. A target below kSmallSide has too few keypoints, so the frame
+/// is enlarged to twice its size if small targets are wanted. A frame below 480 px is enlarged up
+/// to four times, because targets are smaller there. The longer side of an enlarged frame is at
+/// most kLargestFrame: a frame above half of this limit is enlarged less than twofold, and a frame
+/// above four fifths of the limit is not enlarged. A frame above kLargestFrame is shrunk, because
+/// the pyramid cannot find a target that fills it. Reuses its buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);
@@ -27,20 +27,21 @@ class SearchedFrame {
   const Features& features() const { return *features_; }
   /// px of the searched frame per px of the frame.
   double scale() const { return scale_; }
-  /// Searched frame -> frame, px.
+  /// The map from the searched frame to the original frame, px.
   const Eigen::Matrix3d& toFrame() const { return to_frame_; }
-  /// The frame at its own size, as a pyramid of one level; empty if features were given.
+  /// The frame at its original size, as a pyramid with one level; empty if features were given.
   const std::vector<cv::Mat>& own() const { return own_; }
 
-  static constexpr double kSmallSide = 80.0;  ///< shorter side of a target, px of the frame
-  static constexpr int kLargestFrame = 2500;  ///< px, longer side
+  /// Targets whose shorter side is below this limit are small, px of the frame.
+  static constexpr double kSmallSide = 80.0;
+  static constexpr int kLargestFrame = 2500;  ///< largest longer side of the searched frame, px
 
  private:
   void setEnlargement(double by);
 
   OrbExtractor extractor_;
   OrbExtractor enlarged_extractor_;
-  double enlargement_ = 0.0;  // factor of enlarged_extractor_
+  double enlargement_ = 0.0;  // enlargement for which enlarged_extractor_ was made
   cv::Mat resized_;
   std::vector<cv::Mat> own_;
   Features extracted_;

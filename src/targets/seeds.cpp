@@ -22,15 +22,16 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-constexpr std::size_t kMost = 300;  // limit of pairs, to save time; the first pairs are used
+// Limit of the number of pairs, to save time; the first pairs are used.
+constexpr std::size_t kMost = 300;
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
             const growth::LocalFrame& to) {
   const growth::LocalFrame& from = reference.frames()[hit.keypoint];
   const Eigen::Matrix2f& to_view = reference.toView(hit.keypoint);
   const float area = std::abs(to_view.determinant());
-  // From the view to the frame the map is a similarity, which the directions and sizes of the two
-  // keypoints give.
+  // The map from the view to the frame is a similarity. The directions and sizes of the two
+  // keypoints determine it.
   const Eigen::Vector2f d = (to_view * Eigen::Vector2f(from.dx, from.dy)).normalized();
   const float scale = std::exp(to.log_size - from.log_size) / std::sqrt(area);
   const float c = scale * (d.x() * to.dx + d.y() * to.dy);
@@ -81,7 +82,8 @@ void Seeds::vote(std::int32_t fewest_votes) {
 }
 
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
-  constexpr double kOwnReach = 30.0;  // px; weight of the seed's own direction and size
+  // px; a larger value gives the seed's own linear map more weight
+  constexpr double kOwnReach = 30.0;
   growth::Places from, to;
   for (const Seed& voter : seeds) {
     if (!agrees(voter.map, seed.map)) continue;

@@ -11,29 +11,32 @@
 
 namespace ktgp_orb::targets {
 
-/// A pair of keypoints to grow a homography from, and the number of pairs that agree with it.
+/// A pair of keypoints from which a homography can grow, and the number of other pairs that agree
+/// with this pair.
 struct Seed {
   SeedMap map;
   std::int32_t votes;
-  std::uint32_t query;  ///< keypoint of the frame
+  std::uint32_t query;  ///< number of the keypoint in the frame
 
   Eigen::Vector2d from() const { return {map.from_x, map.from_y}; }  ///< px of the picture
   Eigen::Vector2d to() const { return {map.to_x, map.to_y}; }        ///< px of the frame
 };
 
 /// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map, and gets
-/// a vote from each other pair that is near, lies where the map predicts, and has a similar map.
+/// a vote from each other pair that is near, lies at the place that the map predicts, and has a
+/// similar map.
 class Seeds {
  public:
   /// Collects the pairs from `begin` to `end`, which belong to the picture of `reference`.
-  /// `frames`: keypoints of the frame. `taken`: non-zero for keypoints to be left out; empty: none.
+  /// `frames`: keypoints of the frame. `taken`: non-zero for keypoints that are not used; empty:
+  /// all keypoints are used.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// Seeds with at least `fewest_votes`, in the order of falling votes.
+  /// The seeds with at least `fewest_votes` votes, sorted by falling numbers of votes.
   const std::vector<Seed>& best() const { return seeds_; }
-  /// Votes of the best seed; 0 if there is none.
+  /// Votes of the best seed; 0 if there is no seed.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }
 
  private:
@@ -44,7 +47,7 @@ class Seeds {
   std::vector<float> columns_;  // maps of the seeds, one column per value
 };
 
-/// The affine map from picture to frame around the seed, fitted to the seeds that vote for it.
+/// The affine map from picture to frame near the seed, fitted to the pairs that vote for the seed.
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds);
 
 }  // namespace ktgp_orb::targets

@@ -34,8 +34,8 @@ using util::millisecondsSince;
 using Clock = std::chrono::steady_clock;
 
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
-/// How far a target that was seen in the last frame may be from its predicted position, px of the
-/// frame.
+/// Largest distance between the predicted and the true position of a target that was seen in the
+/// last frame, px of the frame.
 constexpr double kSearchRadius = 48.0;
 
 bool havePassed(double milliseconds, Clock::time_point since) {
@@ -105,10 +105,11 @@ bool isInstanceFrame(const std::string& name, const std::string& frame) {
 
 /// State that is kept from frame to frame.
 struct Sequence {
-  std::uint64_t number = 0;  // number of the frame, from 1
-  std::size_t turn = 0;      // place in the order of look-ups where the next frame goes on
+  std::uint64_t number = 0;  // number of the frame; the first frame has number 1
+  std::size_t turn = 0;      // place in the order of look-ups at which the next frame begins
   targets::Tracks tracks;
-  std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // frame of the last try
+  // Number of the frame that last tried the target.
+  std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;
 };
 
 /// The order of the search: alternates between the target that has waited longest and the target
@@ -172,7 +173,7 @@ struct TargetFinder::Impl {
   Sequence sequence;
   targets::PictureAligner aligner;
   std::vector<FoundTarget> found;
-  std::vector<Track> track_of;  // track of each entry of `found`
+  std::vector<Track> track_of;  // for each entry of `found`, its track
   TargetFrame answer;
 };
 
@@ -182,12 +183,13 @@ OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) 
   return orb;
 }
 
-/// Searches for the known targets in the new pictures, and throws if a target shows the same as a
-/// picture. A target that covers only a part of the picture, such as a logo, is no reason to throw.
+/// Searches for the known targets in the new pictures. Throws if a known target and a new picture
+/// show nearly the same part of the scene. A target that covers only a part of the picture, such as
+/// a logo, is allowed.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
-  constexpr std::int32_t kFewestVotes = 5;  // an image of the same picture has many more
+  constexpr std::int32_t kFewestVotes = 5;  // an image of the same picture gets many more votes
   Features own;
   std::vector<FoundTarget> same;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
@@ -209,7 +211,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   }
 }
 
-/// Throws if another target uses the frame, because a frame of tf has one parent.
+/// Throws if another target uses the same tf frame, because a tf frame can have only one parent.
 void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarget* replaced) const {
   const std::string frame = util::withoutSlash(target.frame);
   if (frame.empty()) return;
@@ -228,7 +230,8 @@ void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarge
 
 void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
   requireOwnFrame(target, replaced);
-  // Views take most of the time, so they are made only for targets that are not refused.
+  // Creating the tilted views takes most of the time, so they are created only for targets that are
+  // not refused.
   std::vector<TargetPicture> pictures = store.prepare(target, 1);
   requireDifferent(target.id, pictures, replaced);
   if (options.views > 1) pictures = store.prepare(target, options.views);
@@ -254,9 +257,9 @@ void TargetFinder::Impl::searchFollowed() {
   }
 }
 
-/// Looks up the keypoints in parts until the time since `start` has passed, but at least one part.
-/// The next frame goes on after the last part. Returns the number of frames in which all keypoints
-/// are looked up at this rate.
+/// Looks up the keypoints in parts, at least one part, until `milliseconds` have passed since
+/// `start`. The next frame continues after the last part. Returns the number of frames that are
+/// needed at this pace to look up all keypoints.
 std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
                                        Clock::time_point start) {
   constexpr std::size_t kPart = 128;
@@ -270,12 +273,12 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
   return done < count ? (count + done - 1) / done : 1;
 }
 
-/// Tries the candidates that were not seen in the last frame until the time has passed. The first
+/// Tries the candidates that were not seen in the last frame, until the time is used up. The first
 /// two are always tried: the target that has waited longest, and the target with the most votes.
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
   const Clock::time_point start = Clock::now();
-  // Takes less time while a target is followed, so that the robot has time for other work.
+  // Use less time while a target is followed, so that the robot has time for other work.
   const double milliseconds = (found.empty() ? 1.0 : 0.1) * options.search_ms;
   // The other half of the time is for the candidates.
   const std::size_t frames = lookUp(answer.features, 0.5 * milliseconds, start);
@@ -316,9 +319,9 @@ void TargetFinder::Impl::publish() {
             });
 }
 
-/// Whether the frame is enlarged to find small targets: if no target is followed, a small target is
-/// followed, or a target was lost, and in every eighth frame to find new targets. So a robot that
-/// tracks large targets has time for other work.
+/// Whether the frame is enlarged to find small targets: true if no target is followed, if a small
+/// target is followed, if a target was lost, and in every eighth frame, to find new targets. Other
+/// frames are not enlarged, so a robot that tracks large targets has time for other work.
 bool TargetFinder::Impl::wantsSmall() const {
   constexpr std::uint64_t kEach = 8;
   if (options.smallest_side >= SearchedFrame::kSmallSide) return false;
@@ -326,12 +329,12 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Corrects the homography by the pixels of the frame itself. If the searched frame is smaller, the
-/// frame itself shows more, provided that the picture is fine enough. If the searched frame is
-/// larger, its blur is wider, so that a patch shows less; but small targets have too few patches in
-/// the frame itself.
+/// Corrects the homography by the pixels of the frame itself. If the searched frame was shrunk, the
+/// frame itself shows more details, provided that the resolution of the picture is high enough. If
+/// the searched frame was enlarged, its blur is wider, so a patch shows fewer details; but a small
+/// target has too few patches in the frame itself.
 void TargetFinder::Impl::refine(FoundTarget& one) {
-  constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
+  constexpr double kMostStretch = 1.2;  // limit of px of the frame per px of the picture
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);
@@ -353,9 +356,10 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
 }
 
 /// Finishes the entries of `found` from `begin` on, and drops undetermined entries. If the images
-/// do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints together, so
-/// that they count as far fewer: in drawn frames with 4 to 20 px of blur, the squared errors of the
-/// corners were 10 to 140 times the covariance.
+/// do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints in the same
+/// direction, so that their errors are not independent and the covariance is too small: in drawn
+/// frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times the
+/// covariance.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const auto first = found.begin() + static_cast<std::ptrdiff_t>(begin);

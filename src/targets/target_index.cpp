@@ -40,11 +40,13 @@ void TargetIndex::optimise() {
   const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  // Limits the removed entries even if targets change all the time, so the index does not grow.
+  // Removed entries are limited even if targets change all the time, so that the index does not
+  // grow.
   if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 
-/// Merges the segments from `first` on into one, without the entries of removed pictures.
+/// Merges segment `first` and all later segments into one segment, without the entries of removed
+/// pictures.
 void TargetIndex::mergeFrom(std::size_t first) {
   Segment merged;
   for (std::size_t i = first; i < segments_.size(); ++i) {
@@ -59,7 +61,7 @@ void TargetIndex::mergeFrom(std::size_t first) {
       is_used_[i] = pictures_[i] != nullptr ? 1 : 0;
   }
   const std::vector<Entry>& entries = merged.entries;
-  int key_bits = 8;  // about as many cells as descriptors
+  int key_bits = 8;  // about one cell per descriptor
   while (key_bits < BitTables::kMaxKeyBits && std::size_t{1} << key_bits < entries.size()) {
     ++key_bits;
   }
@@ -115,7 +117,8 @@ void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) cons
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  if (place != nearest.end() && !before(hit, *place)) return;  // another table has found this hit
+  // the hit is in the list, since another table has found it, too
+  if (place != nearest.end() && !before(hit, *place)) return;
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();
 }

@@ -13,23 +13,26 @@ namespace ktgp_orb::targets {
 struct IndexHit {
   std::uint32_t picture;
   std::uint32_t keypoint;  ///< number of the picture's keypoint
-  std::uint32_t query;     ///< keypoint of the frame
+  std::uint32_t query;     ///< number of the keypoint in the frame
   std::int32_t distance;   ///< Hamming
 };
 
-/// Finds the descriptors of all pictures that are similar to a given descriptor; a few are missed.
+/// Finds the descriptors of all pictures that are similar to a given descriptor. It misses a few of
+/// them.
 class TargetIndex {
  public:
-  /// Whether a picture may be added under this number: no entry of an earlier picture is left.
+  /// Whether a picture may be added under this number, because the index has no entry of an earlier
+  /// picture with the number.
   bool isFree(std::uint32_t picture) const {
     return picture >= is_used_.size() || is_used_[picture] == 0;
   }
-  /// Adds a picture under a free number. `bits` must stay where it is until the picture is removed.
+  /// Adds a picture under a free number. The index refers to `bits`, which must neither move nor
+  /// change until the picture is removed.
   void add(std::uint32_t picture, const std::vector<growth::Bits>& bits);
   void remove(std::uint32_t picture);
   /// Sorts all descriptors into one set of tables if the last changes were large. This takes up to
-  /// a second for a thousand pictures, so it waits until there was no change since the last call.
-  /// Call it before each frame.
+  /// a second for a thousand pictures, so it is done only if no target has changed since the last
+  /// call. Call it before each frame.
   void optimise();
 
   /// Appends the most similar descriptors, at most kNearest, for each of `queries`, which are
@@ -45,7 +48,7 @@ class TargetIndex {
     std::uint32_t picture;
     std::uint32_t keypoint;
   };
-  /// The tables for some of the pictures.
+  /// Tables with the descriptors of some of the pictures.
   struct Segment {
     std::vector<Entry> entries;
     BitTables tables{48, 8};
@@ -62,10 +65,11 @@ class TargetIndex {
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
   // By picture number: 1 while segments may hold entries of the picture.
   std::vector<std::uint8_t> is_used_;
-  std::vector<Segment> segments_;  // largest segment first
-  std::size_t removed_ = 0;        // entries of removed pictures
+  std::vector<Segment> segments_;  // sorted by size, the largest segment first
+  std::size_t removed_ = 0;        // number of entries of removed pictures
   bool is_changing_ = false;       // pictures have changed since the last optimise()
-  // Queries are searched in blocks: memory for one is fetched during the work on the others.
+  // Number of queries in a block: the memory for one query is fetched during the work on the other
+  // queries of the block.
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
@@ -74,8 +78,8 @@ class TargetIndex {
 /// Pairs the keypoints of one picture with the keypoints of the frame. Reuses its buffers.
 class FrameTables {
  public:
-  /// `key_bits`: 8..16; descriptors are compared only if so many bits are equal. Fewer bits find
-  /// more pairs and take longer.
+  /// `key_bits`: 8..16; descriptors are compared only if this many bits, the key, are equal. Fewer
+  /// bits find more pairs and take longer.
   explicit FrameTables(int key_bits) : key_bits_(key_bits) {}
 
   void setFrame(const std::vector<growth::Bits>& bits);
@@ -104,7 +108,7 @@ class FrameTables {
   std::vector<growth::Bits> bits_;
   BitTables tables_{32, 10};
   BitTables::Found found_;
-  std::vector<Nearest> nearest_;  // for each keypoint of the frame
+  std::vector<Nearest> nearest_;  // one entry for each keypoint of the frame
 };
 
 }  // namespace ktgp_orb::targets

@@ -14,17 +14,18 @@ namespace {
 
 // Added around the image, since the extractor finds nothing near the border.
 constexpr int kBorder = 48;  // px
-// Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
-// border the frame shows something else.
+// Least distance of a keypoint from the border of the target, in diameters of the keypoint's patch,
+// since the frame shows something else beyond the border.
 constexpr double kInside = 0.35;
-// Levels of the pyramid of each size. Together they reach a tenth of the image's size, and each
-// level has enough keypoints.
+// Levels of the pyramid at each of kSizes. All pyramids together reach down to a tenth of the
+// image's size, and each level has enough keypoints.
 constexpr int kLevels = 5;
 // Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
 // as a share of the wanted number.
 constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
-constexpr double kLeastSize = 40.0;  // px, longer side
-// Least shorter side. In a narrower image, no keypoint is far enough from both borders.
+constexpr double kLeastSize = 40.0;  // least longer side, px
+// Least shorter side of the image. In a narrower image, no keypoint is far enough from both
+// borders.
 constexpr int kLeastRoom = 24;  // px
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
@@ -54,7 +55,7 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
   const double scale = std::sqrt(std::abs(from_view.determinant()));
   Features& features = view.features;
-  if (features.empty()) return;  // a narrow picture has no keypoints
+  if (features.empty()) return;  // a narrow picture may have no keypoints
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
     const cv::KeyPoint& keypoint = features.keypoints[i];
@@ -74,7 +75,8 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   features.descriptors = features.descriptors.rowRange(0, static_cast<int>(kept));
 }
 
-/// Adds the image at `scale` and its tilted views. They refer to px of the target's image.
+/// Adds the image at `scale` and its tilted views. Their `to_view` maps px of the target's image to
+/// px of the view.
 void addViews(const cv::Mat& image, double scale, const OrbOptions& orb, int views,
               ReferenceViews& made) {
   cv::Mat small, padded;

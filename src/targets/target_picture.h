@@ -17,10 +17,10 @@ struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, at most the largest side
   std::vector<cv::Mat> halves;  ///< `image` at a half, a quarter and so on of its size
   cv::Size full_size;           ///< size of the given image, px
-  double scale = 1.0;           ///< factor from `image` to the given image
+  double scale = 1.0;           ///< px of the given image per px of `image`
   growth::ReferenceFrames frames;
-  std::size_t own = 0;            ///< number of keypoints of `image`; keypoints of its views follow
-  StoredTarget* owner = nullptr;  ///< null: not in a store
+  std::size_t own = 0;  ///< number of keypoints of `image`; the keypoints of its views follow them
+  StoredTarget* owner = nullptr;  ///< target in the store; null: not in a store
 };
 
 /// Creates the views and extracts their features. `features`, `largest_side`, `views`: see
@@ -34,10 +34,11 @@ void shrink(const TargetPicture& picture, const cv::Size& size, cv::Interpolatio
             cv::Mat& small);
 
 Eigen::Vector2d middleOf(const cv::Size& image);
-/// Width and height of an image after the homography, by the scale at its middle, px.
+/// Width and height of an image after it was mapped by the homography, px. Uses the scale of the
+/// homography at the middle of the image.
 cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image);
 
-/// Given image -> `picture.image`, px.
+/// The map from the image given by the user to `picture.image`, px.
 Eigen::Matrix3d toStored(const TargetPicture& picture);
 
 }  // namespace ktgp_orb::targets

@@ -14,7 +14,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kMostMisfit = 9.21;  // chi-square of two degrees of freedom, 99 %
+constexpr double kMostMisfit = 9.21;  // 99 % quantile of chi-square with two degrees of freedom
 
 /// Indices of points that are `apart` px or more from each other, in x or in y.
 std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
@@ -45,7 +45,7 @@ struct TargetPose::Impl {
                       UncertainHomography& answer);
 
   double readout_time = -1.0;
-  std::vector<Seen> seen;  // targets seen lately
+  std::vector<Seen> seen;  // recent detections of targets
   ProsacHomography prosac;
   ProsacResult result;
   PointPairs pairs;
@@ -53,7 +53,8 @@ struct TargetPose::Impl {
   homography::HomographyRefiner refiner;
 };
 
-/// The homography of the pairs without lens distortion; empty if the pairs do not agree.
+/// The homography of the pairs after their lens distortion was removed; empty if the pairs do not
+/// agree on a homography.
 std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
                                                                const Lens& lens) {
   constexpr double kPatchSide = 15.0;  // approximate side of a patch, px
@@ -130,7 +131,8 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   };
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
-  // The fit would explain errors beyond the covariance by the shutter, and might have no minimum.
+  // The readout time is unknown. With the covariance of the shutter, the fit would attribute large
+  // errors to the shutter, and might have no minimum.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

@@ -11,8 +11,9 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::size_t kFewestKeypoints =
-    40;  // keypoints of an image without its views; twelve must match
+// Least number of keypoints of an image, not counting its tilted views; a match needs twelve of
+// them.
+constexpr std::size_t kFewestKeypoints = 40;
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
   throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
@@ -38,7 +39,7 @@ void requireNames(const Target& target) {
 
 /// Why a picture has fewer than kFewestKeypoints: little texture, or little room between borders.
 std::string whyFewKeypoints(const TargetPicture& picture) {
-  constexpr int kNarrow = 40;  // px, shorter side
+  constexpr int kNarrow = 40;  // a picture with a smaller shorter side is narrow, px
   const std::string count = std::to_string(picture.own) + " keypoints; expected " +
                             std::to_string(kFewestKeypoints) + " or more, from ";
   const cv::Size size = picture.image.size();

@@ -15,8 +15,8 @@ struct StoredTarget {
   std::string id;
   double width = 0.0;
   std::string frame;
-  std::string ambiguity;                ///< ambiguityOf() the first ambiguous picture
-  std::vector<std::uint32_t> pictures;  ///< numbers in the store
+  std::string ambiguity;                ///< result of ambiguityOf() for the first ambiguous picture
+  std::vector<std::uint32_t> pictures;  ///< numbers of the pictures in the store
 };
 
 /// All targets, their pictures, and the index of their keypoints.
@@ -24,8 +24,9 @@ class TargetStore {
  public:
   explicit TargetStore(const TargetFinderOptions& options) : options_(options) {}
 
-  /// Makes the pictures of `target` with `views` views each; add() expects the number of the
-  /// options. Throws std::invalid_argument with the reason if they cannot be targets.
+  /// Makes the pictures of `target`, each with `views` views. Use the number of views of the
+  /// options if the pictures are passed to add(). Throws std::invalid_argument with the reason if
+  /// the images cannot be used as a target.
   std::vector<TargetPicture> prepare(const Target& target, int views) const;
   StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
   void remove(const StoredTarget& target);
@@ -39,12 +40,13 @@ class TargetStore {
   TargetIndex& index() { return index_; }
 
  private:
-  /// The first of `count` successive free numbers.
+  /// Finds `count` successive free numbers, and returns the first of them.
   std::uint32_t freeNumbers(std::size_t count) const;
 
   const TargetFinderOptions& options_;
   std::vector<std::unique_ptr<StoredTarget>> targets_;
-  std::vector<std::unique_ptr<TargetPicture>> pictures_;  // by number; null: removed
+  // Pictures by number; null: the picture was removed.
+  std::vector<std::unique_ptr<TargetPicture>> pictures_;
   std::size_t count_ = 0;
   TargetIndex index_;
 };

@@ -70,7 +70,8 @@ bool Tracks::wasSeen(const StoredTarget& target) const {
 
 void Tracks::assign(const std::vector<FoundTarget>& found, TargetStore& store,
                     std::vector<Track>& tracks) {
-  using Pair = std::tuple<double, std::size_t, std::size_t>;  // distance, track, detection
+  // distance, px; index of the track; index of the detection
+  using Pair = std::tuple<double, std::size_t, std::size_t>;
   std::vector<Track> seen;
   std::vector<Pair> pairs;
   seen.reserve(found.size());

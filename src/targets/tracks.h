@@ -8,18 +8,19 @@
 
 namespace ktgp_orb::targets {
 
-/// An instance of a target that was seen lately.
+/// An instance of a target that was seen in one of the last frames.
 struct Track {
   const StoredTarget* target = nullptr;
   std::uint32_t picture = 0;
   int instance = 0;
-  int age = 0;     ///< successive frames in which the instance was seen
-  int unseen = 0;  ///< frames since the instance was seen
-  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();   ///< picture's `image` -> frame, px
+  int age = 0;     ///< number of successive frames in which the instance was seen
+  int unseen = 0;  ///< number of frames since the instance was last seen
+  /// homography from the picture's `image` to the frame, px
+  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< centre of the picture in the frame, px
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< velocity of the centre, px per frame
   double extent = 0.0;                                 ///< half of the longer side in the frame, px
-  bool is_matched = false;                             ///< matched in this frame
+  bool is_matched = false;                             ///< the track has a detection in this frame
 };
 
 /// Gives each instance of a target a number that stays while the instance is followed.
@@ -27,20 +28,22 @@ class Tracks {
  public:
   /// Converts all tracks to px of frames that are enlarged by `scale`.
   void setScale(double scale);
-  /// Whether no instance is followed, one was lost, or the longer side of one is below 1.5 `side`
-  /// (px of the frame as it was given).
+  /// Whether the next frame should be enlarged: true if no instance is followed, if an instance was
+  /// lost, or if the longer side of an instance is below 1.5 `side`. `side`: px of the original
+  /// frame.
   bool needsLargerFrame(double side) const;
   /// Call it before each frame.
   void beginFrame();
-  /// Assigns each detection to the nearest track of the same target, if the distance is below the
-  /// extent; otherwise to a new track with the lowest free number. The nearest pairs are assigned
-  /// first, so pass all detections at once. Appends the tracks in the order of `found`.
+  /// Assigns each detection to the nearest track of the same target, if their distance is below the
+  /// extent of the target, or else to a new track with the lowest free number. The nearest pairs
+  /// are assigned first, so pass all detections at once. Appends the tracks in the order of
+  /// `found`.
   void assign(const std::vector<FoundTarget>& found, TargetStore& store,
               std::vector<Track>& tracks);
   /// Call it after each frame: forgets instances that were not seen for kMostUnseen frames.
   void endFrame();
 
-  /// Tracks that were seen in the last frame and are not matched in this frame so far.
+  /// Tracks that were seen in the last frame but have no detection in this frame so far.
   std::vector<Track> missing() const;
   bool wasSeen(const StoredTarget& target) const;
   void forget(const StoredTarget& target);
@@ -55,7 +58,7 @@ class Tracks {
   double scale_ = 1.0;
 };
 
-/// The homography picture -> frame that is expected in the next frame.
+/// The predicted homography picture -> frame for the next frame.
 Eigen::Matrix3d predicted(const Track& track);
 
 }  // namespace ktgp_orb::targets

@@ -15,17 +15,21 @@ struct SeedMap {
   float norm;            ///< norm of the linear part
 };
 constexpr std::size_t kSeedMapValues = 10;
-/// Entries past the last seed that the kernels may read.
+/// Number of floats after the last seed that the kernels may read.
 constexpr std::size_t kReadBeyond = 16;
 
-constexpr float kVoteReach = 150.F;          ///< px of the picture
-constexpr float kVoteApart = 8.F;            ///< px; nearer keypoints may show the same corner
-constexpr float kVoteCosine = 0.85F;         ///< least cosine between the linear parts of the maps
-constexpr float kVoteLogArea = 0.94F;        ///< a factor of 1.6 in length
-constexpr float kVoteSlack = 4.F;            ///< px of the frame
-constexpr float kVoteRelativeSlack = 0.25F;  ///< share of the distance
+constexpr float kVoteReach = 150.F;  ///< largest distance from the seed, px of the picture
+/// Least distance, px; nearer keypoints may show the same corner.
+constexpr float kVoteApart = 8.F;
+constexpr float kVoteCosine = 0.85F;  ///< least cosine between the linear parts of the maps
+/// Largest difference of log_area: a factor of 1.6 in length.
+constexpr float kVoteLogArea = 0.94F;
+constexpr float kVoteSlack = 4.F;  ///< allowed error, px of the frame
+/// Allowed error, as a share of the distance from the seed.
+constexpr float kVoteRelativeSlack = 0.25F;
 
-/// Whether `voter` is near `seed`, lies where the map of `seed` predicts, and has a similar map.
+/// Whether `voter` is near `seed`, lies at the place that the map of `seed` predicts, and has a
+/// similar map.
 inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
   const float x = voter.from_x - seed.from_x;
   const float y = voter.from_y - seed.from_y;

@@ -20,7 +20,7 @@ namespace {
 
 constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
 constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
-constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose, twist and their covariances
+constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose and twist, each with its covariance
 
 std::string header() {
   std::string text = "stamp,status,x,y,z,qx,qy,qz,qw";
@@ -36,7 +36,8 @@ std::string header() {
   return text + ",reason\n";
 }
 
-/// A row of the table. Unknown numbers are left empty. Without an estimate, the frame was refused.
+/// A row of the table. Unknown numbers are left empty. If there is no estimate, the frame was
+/// refused for the given reason.
 std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
                   const std::string& reason) {
   files::CsvRow row;
@@ -68,14 +69,16 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-constexpr double kWentBack = 1.0;  // s; smaller steps back are jitter, or stamps in the future
+// Least step back that counts, s; smaller steps are jitter or come from stamps in the future.
+constexpr double kWentBack = 1.0;
 
 /// Whether the clock was set back before the message at `place`, so that all messages before it
 /// have later stamps than all messages after it. A single wrong stamp is no restart, and neither is
 /// a publisher whose stamps are in the future.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
-  constexpr std::size_t kAround = 100;  // messages, before and after
+  // Number of messages that are compared before and after the place.
+  constexpr std::size_t kAround = 100;
   constexpr std::size_t kLeast = 5;
   if (place < kLeast || place + kLeast > messages.size()) return false;
   const auto here = messages.begin() + static_cast<std::ptrdiff_t>(place);
@@ -242,8 +245,8 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   rows_ += rowOf(homography.header.stamp, estimate, reason);
 }
 
-/// Counts a reason. Reasons that differ only in numbers, such as a distance, count as the same.
-/// Digits in names are kept.
+/// Counts a reason. Reasons that differ only in numbers, such as a distance, count as one reason.
+/// Digits that are a part of a name are not ignored.
 void BagMotion::count(bool is_known, const std::string& reason) {
   if (reason.empty()) return;
   static const std::regex number(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");

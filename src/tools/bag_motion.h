@@ -17,7 +17,7 @@
 
 namespace ktgp_orb::tools {
 
-/// Options of the table with the motion in metres; without a `path`, no table is written.
+/// Options of the table with the motion in metres. If `path` is empty, no table is written.
 struct MotionFile {
   std::string path;
   std::string range_topic;  ///< empty: "range" beside the images
@@ -31,8 +31,8 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing without a path of the table. `camera` replaces the bag's camera_info, unless it
-  /// is empty. Throws UnusableBag for a bag without a calibration.
+  /// Does nothing if `options` has no path. `camera` replaces the bag's camera_info, unless it is
+  /// empty. Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
 
@@ -52,7 +52,8 @@ class BagMotion {
    public:
     Readings() = default;
     Readings(const std::vector<Message>& arrived);  // NOLINT: the same in another order
-    /// Uses and removes messages up to `time`. `restarted`: the images have reached the next part.
+    /// Passes the messages with stamps up to `time` to `use`, and removes them. `restarted`: the
+    /// images have reached the next part.
     template <typename Use>
     void passUntil(const ros::Time& time, bool restarted, const Use& use);
     bool goesOn() const { return parts_.size() > 1; }
@@ -63,7 +64,7 @@ class BagMotion {
 
   void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
-  /// Passes on the messages that were recorded until a little after `time`.
+  /// Passes on the messages with stamps up to max_age after `time`.
   void passOn(const ros::Time& time);
   void count(bool is_known, const std::string& reason);
 
@@ -78,10 +79,11 @@ class BagMotion {
   Readings<geometry_msgs::TransformStamped> transforms_;
   ros::Time last_;  // stamp of the newest image
   std::string rows_;
-  /// Faults by their text without numbers: how many frames have the fault, and the first full text.
+  /// For each fault (its text without numbers): number of frames with the fault, and its first full
+  /// text.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
   std::string shutter_;             // shutter report of the newest frame with motion
-  std::optional<ImuMounting> imu_;  // the last known mounting
+  std::optional<ImuMounting> imu_;  // last known mounting of the Imu
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };

@@ -46,7 +46,8 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     }
     found->set_value(frame);
     FrameConstPtr reference = fixed_;
-    // Tasks start in order, so the previous frame is in progress and this wait cannot deadlock.
+    // Tasks start in the order of the frames, so the task of the previous frame has started, and
+    // this wait cannot cause a deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference && canMatchAhead(options_.matcher)) {

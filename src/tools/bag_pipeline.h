@@ -13,15 +13,16 @@
 
 namespace ktgp_orb::tools {
 
-/// Processes several images in parallel, as far as they do not depend on results of earlier images.
-/// Extracts the features and matches them, unless the reference depends on earlier results
-/// (keyframe mode). Returns the images in their order.
+/// Processes several images in parallel. Extracts the features and matches them; the match must
+/// wait if the reference depends on the results of earlier images (keyframe mode). Returns the
+/// images in their original order.
 class FramePipeline {
  public:
-  /// A frame with features, and its early match, which has no reference if it was not possible yet.
+  /// A frame with features, and its early match. The match has no reference if it was not possible
+  /// to match early.
   using Prepared = std::pair<FramePtr, MatchAhead>;
 
-  /// `fixed`: the reference of the fixed mode, else null. At least one thread. Throws
+  /// `fixed`: the reference of the fixed mode, else null. Uses at least one thread. Throws
   /// std::system_error or std::bad_alloc if threads or memory run out.
   FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
@@ -46,7 +47,7 @@ class FramePipeline {
 
   const SequenceOptions options_;
   const FrameConstPtr fixed_;
-  std::shared_future<FramePtr> last_frame_;  // null for a refused image
+  std::shared_future<FramePtr> last_frame_;  // frame of the newest image; null if it was refused
   std::deque<std::future<Prepared>> results_;
 
   std::mutex mutex_;  // guards tasks_ and closed_
@@ -54,7 +55,7 @@ class FramePipeline {
   std::deque<Task> tasks_;
   bool closed_ = false;
   std::vector<Worker> workers_;
-  std::vector<std::thread> threads_;  ///< each runs work() of one worker
+  std::vector<std::thread> threads_;  ///< each thread runs work() with its own Worker
 };
 
 }  // namespace ktgp_orb::tools

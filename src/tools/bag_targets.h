@@ -13,16 +13,19 @@
 
 namespace ktgp_orb::tools {
 
-/// Options for the targets to search in the images; without a `path`, no targets are searched.
+/// Options for the targets that are searched in the images. If `path` is empty, no targets are
+/// searched.
 struct TargetsInput {
-  std::string path;                     ///< folder of images, or YAML list
-  std::string calibration = "by_name";  ///< kind of the images
-  double readout_time = -1.0;           ///< readout time of the shutter, s; below 0: not known
+  std::string path;  ///< folder of images, or YAML list
+  /// Kind of the images: by_name, raw or rectified, see pixelsFrom().
+  std::string calibration = "by_name";
+  double readout_time = -1.0;  ///< readout time of the shutter, s; below 0: not known
 };
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 
-/// All files of a folder or list of targets. Throws std::invalid_argument for an unusable one.
+/// All files of a folder or list of targets. Throws std::invalid_argument for an unusable folder or
+/// list.
 std::vector<std::string> filesOfTargets(const std::string& path);
 
 /// The calibration beside the images; empty if the recording has none.
@@ -40,7 +43,7 @@ class BagTargets {
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
   /// The message of the nodelet's ~detections; null if no targets are searched, or if the image
-  /// repeats the previous one. Throws RefusedImage.
+  /// repeats the previous image. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
   /// Summary for users in one line; empty if no targets are searched.
   std::string report() const;
@@ -55,10 +58,10 @@ class BagTargets {
   Pixels pixels_ = Pixels::raw;
   std::size_t refused_ = 0;
   std::size_t frames_ = 0;
-  std::size_t seen_ = 0;  // frames with a target
+  std::size_t seen_ = 0;  // number of frames in which a target was found
   std::size_t found_ = 0;
   std::size_t poses_ = 0;
-  std::string no_pose_;  // first reason for no pose
+  std::string no_pose_;  // reason why the first target without a pose has no pose
 };
 
 }  // namespace ktgp_orb::tools

@@ -22,8 +22,9 @@
 namespace ktgp_orb::tools {
 namespace {
 
-constexpr std::size_t kPath = 600;  // frames for which a keyframe is kept
-constexpr double kNoShake = 0.5;    // px; less shake is invisible
+// Number of frames whose homographies the path stores.
+constexpr std::size_t kPath = 600;
+constexpr double kNoShake = 0.5;  // px; smaller shake is invisible
 
 }  // namespace
 
@@ -136,7 +137,7 @@ void SteadyVideo::writeReady() {
   ready_.clear();
 }
 
-/// The steady path over the whole recording. It restarts when the size of the frames changes.
+/// The steady path over the whole recording. A new path begins when the size of the frames changes.
 std::vector<SteadyFrame> SteadyVideo::wholePath() const {
   std::vector<SteadyFrame> path;
   for (auto begin = frames_.begin(); begin != frames_.end();) {

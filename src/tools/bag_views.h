@@ -29,14 +29,18 @@ namespace ktgp_orb::tools {
 
 /// Options for the files with views; an empty name means that the file is not written.
 struct ViewOptions {
-  std::string video;  ///< mp4: the steady video
-  std::string warps;  ///< csv: the homographies from the frames to the steady picture
-  /// Use the path over the whole recording (see steadyPath), else the causal path with its lag.
+  std::string video;  ///< name of the mp4 file with the steady video
+  /// name of the csv file with the homographies from the frames to the steady picture
+  std::string warps;
+  /// True: use the path over the whole recording (see steadyPath). False: use the causal path,
+  /// which has a lag.
   bool whole = true;
   StabilizerOptions stabilizer;
   double rate = 30.0;  ///< rate of the video, 1/s
-  std::string mosaic;  ///< png of the first map; mosaicOf() names the pictures of further maps
-  std::string mosaic_poses;  ///< csv: the homographies from the map to the frames
+  /// name of the png file of the first map; mosaicOf() gives the names for further maps
+  std::string mosaic;
+  /// name of the csv file with the homographies from the map to the frames
+  std::string mosaic_poses;
   MosaicOptions map;
   LensConstPtr lens;  ///< its distortion is removed before anything else; null: none
 };
@@ -55,13 +59,13 @@ class SteadyVideo {
  public:
   SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
-  /// Adds the next image, at `stamp` ns, and its homography from the reference, if there is one.
-  /// Throws RefusedImage and FileError.
+  /// Adds the next image, at `stamp` ns, and the homography from the reference to it; empty if
+  /// there is none. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
   /// Repeats the previous image, so that the video keeps its rate.
   void repeat();
-  /// Completes the files, which are not written without images. Throws FileError.
+  /// Completes the files. They are not written if there were no images. Throws FileError.
   void close();
   /// Summary for users in one line.
   std::string report() const;
@@ -70,19 +74,20 @@ class SteadyVideo {
   struct Frame {
     std::int64_t stamp = 0;
     cv::Size size;
-    std::optional<Eigen::Matrix3d> step;  ///< from the previous frame
-    int repeats = 0;                      ///< how often the image was repeated
+    std::optional<Eigen::Matrix3d> step;  ///< homography from the previous frame
+    int repeats = 0;                      ///< number of times that the image was repeated
   };
   struct Waiting {
     cv::Mat image;
     std::optional<Eigen::Matrix3d> step;
     int repeats = 0;
   };
-  /// Mean shake over the parts of the video, px^2.
+  /// Sum for the mean shake over the parts of the video, px^2.
   struct Shake {
     double sum = 0.0;
     double count = 0.0;
-    std::vector<Eigen::Matrix3d> steps;  ///< steps of the newest part
+    /// homographies between successive frames of the newest part
+    std::vector<Eigen::Matrix3d> steps;
     void finishPart(const cv::Size& size);
     double mean() const { return count > 0.0 ? sum / count : 0.0; }
   };
@@ -105,7 +110,7 @@ class SteadyVideo {
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;
-  cv::Mat picture_;  // the picture written last
+  cv::Mat picture_;  // picture that was written last
   cv::Size size_;
   Shake before_;
   Shake after_;

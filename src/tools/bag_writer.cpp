@@ -17,7 +17,7 @@ namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kStages = 4;
-constexpr int kExact = 17;  // digits that reproduce every double
+constexpr int kExact = 17;  // number of digits that is enough to reproduce every double
 constexpr int kUnknowns = 6;
 
 /// Names of the columns of one motion.
@@ -74,7 +74,7 @@ void addMotion(const geometry_msgs::PoseWithCovariance& motion, files::CsvRow& r
   }
 }
 
-/// Unknown values stay empty.
+/// Adds the fields of the two-view geometry. Unknown values stay empty.
 void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
   static const std::size_t motion = countOf(motionColumns(""));
   if (view == nullptr) {
@@ -144,7 +144,7 @@ void MatchWriter::close() {
 
 template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
-  message.header.seq = sequence_[topic]++;  // counts like a publisher
+  message.header.seq = sequence_[topic]++;  // numbers the messages as a publisher does
   try {
     bag_->write(topic, time, message);
   } catch (const rosbag::BagException& error) {
@@ -169,7 +169,7 @@ void MatchWriter::write(const std::string& topic, const TargetDetectionsPtr& det
 }
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
-  constexpr int kTime = 5;  // digits of a time in ms
+  constexpr int kTime = 5;  // number of digits of a time in ms
   const MatchStatistics& s = *messages.statistics;
   files::CsvRow row;
   row.add(textOf(s.header.stamp)).add(textOf(s.reference_stamp));

@@ -36,7 +36,7 @@ class MatchWriter {
   void writeUnused(const std_msgs::Header& header, const std::string& status,
                    const std::string& reason);
 
-  /// Completes both files.
+  /// Completes the bag and the table.
   void close();
 
  private:
@@ -49,9 +49,9 @@ class MatchWriter {
   files::OutputFile* csv_file_ = nullptr;
   std::unique_ptr<rosbag::Bag> bag_;
   std::ofstream csv_text_;
-  std::ostream* csv_ = nullptr;                    // null: no table
-  std::string prefix_;                             // with a slash at its end
-  std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
+  std::ostream* csv_ = nullptr;                    // stream of the table; null: no table
+  std::string prefix_;                             // prefix of the topics, which ends with a slash
+  std::map<std::string, std::uint32_t> sequence_;  // for each topic, the next header.seq
 };
 
 }  // namespace ktgp_orb::tools

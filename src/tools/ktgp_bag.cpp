@@ -52,7 +52,7 @@ struct Arguments {
   bool overlay = false;
   std::string draw;
   double rate = 0.0;     ///< 1/s; 0: the times of the recording
-  int longest_side = 0;  ///< limit for images of a pattern, px; 0: none
+  int longest_side = 0;  ///< limit of the longer side for images of a pattern, px; 0: none
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
@@ -90,16 +90,18 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   if (!camera) return std::nullopt;
   sensor_msgs::CameraInfo info;
   const auto first = openInput(arguments)->next();
-  if (!first || !first->image) return std::nullopt;  // the run will report what is wrong
+  if (!first || !first->image) return std::nullopt;  // run() will report the problem
   info.width = first->image->width;
   info.height = first->image->height;
   info.distortion_model = "plumb_bob";
   for (int i = 0; i < 9; ++i) info.K[static_cast<std::size_t>(i)] = (*camera)(i / 3, i % 3);
-  lensFrom(info);  // refuses an impossible K
+  // throws if K is impossible
+  lensFrom(info);
   return info;
 }
 
-/// Namespace of the output topics: `name` or, as for the nodelet, beside the image topic.
+/// Namespace of the output topics: `name`. If `name` is empty, the namespace is beside the image
+/// topic, as for the nodelet.
 std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
@@ -117,7 +119,7 @@ void sayNoMotion(const std::string& problem) {
                problem.c_str());
 }
 
-/// The sequential part of the work, frame by frame.
+/// The part of the work that must be done frame by frame.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -172,7 +174,8 @@ class Run {
     views_.close();
     motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
-    writer_.close();  // last, since OUT.bag appears when all files are complete
+    // Call this last, since OUT.bag may appear only when all files are complete.
+    writer_.close();
     outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
     const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
@@ -219,10 +222,11 @@ class Run {
     return text;
   }
 
-  /// Summary in one line.
+  /// Summary for users in one line.
   std::string summary() const {
     std::size_t found = 0;
-    std::size_t unmatched = 0;  // images without a match despite a reference and features
+    // Images without a match although they have a reference and features.
+    std::size_t unmatched = 0;
     std::string others;
     for (const auto& [status, count] : statuses_) {
       if (status == Status::ok) {
@@ -247,7 +251,7 @@ class Run {
            others + '\n';
   }
 
-  /// Advice for a recording with long times between images; empty for others.
+  /// Advice for a recording with long times between images; empty for other recordings.
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
@@ -348,11 +352,11 @@ class Run {
   BagTargets targets_;
   std::string detections_topic_;
   std::optional<tools::VideoFile> drawing_;
-  cv::Mat drawn_;  // the newest picture
+  cv::Mat drawn_;  // picture that was drawn last
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
-  bool finds_motions_;  // two-view geometries are wanted
+  bool finds_motions_;  // whether two-view geometries are wanted
   bool said_no_motion_ = false;
   bool is_fixed_;
   bool draws_overlay_;
@@ -362,20 +366,20 @@ class Run {
   std::map<Status, std::size_t> statuses_;
   std::map<Geometry, std::size_t> geometries_;
   std::map<Doubt, std::size_t> doubts_;
-  std::vector<double> inliers_;       // of matches with a geometry
-  std::vector<double> parallaxes_;    // degrees, of motions
-  std::vector<double> milliseconds_;  // times of all images
-  std::vector<double> steps_;         // s, from one image to the next
+  std::vector<double> inliers_;       // number of inliers of each match with a geometry
+  std::vector<double> parallaxes_;    // parallax of each motion, degrees
+  std::vector<double> milliseconds_;  // processing time of each image, ms
+  std::vector<double> steps_;         // time from each image to the next, s
   ros::Time last_stamp_;
-  std::size_t gaps_ = 0;  // images after a longer time than max_age_
+  std::size_t gaps_ = 0;  // number of images that came more than max_age_ after the previous image
   double max_age_;
   std::uint64_t skipped_ = 0;
-  std::deque<std::pair<RecordedImage, std::uint64_t>>
-      waiting_;  // images in the pipeline, each with the number skipped before
+  // Images in the pipeline, each with the number of images that were skipped before it.
+  std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;
   std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;
   std::uint64_t repeated_ = 0;
-  std::string refusal_;  // why the first refused image was refused
+  std::string refusal_;  // reason why the first unusable image was refused
 };
 
 /// Sets the camera for the two-view geometry; without camera_info there is no motion.
@@ -401,7 +405,8 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
 Configuration configurationFor(Parameters parameters, const std::string& bag,
                                const std::string& topic,
                                const std::optional<sensor_msgs::CameraInfo>& camera) {
-  parameters.threads = 1;  // per image; several images are processed in parallel
+  // One thread for each image, since several images are processed in parallel.
+  parameters.threads = 1;
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
   configuration.view.file_mask = readMaskFile(parameters.mask_image);
@@ -474,7 +479,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   arguments.views.lens = configuration.view.lens;
   if (!camera) sayIfCameraChanges(arguments, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
-    // The step between neighbouring images is no gap, however long it is.
+    // The usual step between neighbouring images is not a gap, however long it is.
     constexpr double kPeriods = 1.5;
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
@@ -602,7 +607,8 @@ int run(int argc, char** argv) {
   std::error_code none;  // a name that cannot be used is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
-    std::cerr << arguments.out + " is finished\n";  // one write, since other processes write there
+    // A single write, since other processes may write to the same terminal.
+    std::cerr << arguments.out + " is finished\n";
     return tools::kExitDone;
   }
   return matchBag(tools::planOutputs(app, arguments.force), arguments);

@@ -1,4 +1,4 @@
-// ktgp_match A B: matches two images and prints what each of the four stages kept.
+// ktgp_match A B: matches two images and prints the results of each of the four stages.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -95,7 +95,8 @@ Outcome run(Arguments& arguments) {
   return outcome;
 }
 
-/// The matches as a table with a row for each nearest neighbour; `level` is the last stage passed.
+/// The matches as a table with a row for each nearest neighbour. `level` is the last stage that the
+/// match passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.errors[0];

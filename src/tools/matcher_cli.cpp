@@ -16,7 +16,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Returns false for parameters of the node's services, subscribers and diagnostics.
+/// Whether the parameter influences the results of a recording; false for parameters of the node's
+/// services, subscribers and diagnostics.
 bool decidesARecording(const ParameterRow& row) {
   return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
@@ -39,8 +40,9 @@ std::vector<double> valueOf(const Covariance8& matrix) {
   return rowsOf(matrix);
 }
 
-/// Refuses parameters for images of a stream, since two image files have neither camera_info nor a
-/// part that a node would cut out. Other parameters of the stream do not influence a match.
+/// Refuses parameters that only apply to the images of a stream, such as camera_info and the region
+/// of interest. The other parameters of the stream are accepted, since they do not influence a
+/// match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {
@@ -69,7 +71,7 @@ std::string textOf(const ParameterInfo& info) {
   return info.unit.empty() ? info.text : info.text + " [" + info.unit + "]";
 }
 
-/// Values of the command line by the names of the parameters, "preset" and "params".
+/// Values of the command line. The keys are the names of the parameters, "preset" and "params".
 using Given = std::map<std::string, std::string>;
 
 void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,
@@ -271,7 +273,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   if (!shows_all) hideRareOptions(app);
   try {
     std::vector<std::string> words = completed(argc, argv);
-    std::reverse(words.begin(), words.end());  // the order that CLI11 expects
+    std::reverse(words.begin(), words.end());  // CLI11 expects the reversed order
     app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;

@@ -24,7 +24,7 @@ void addParameterOptions(CLI::App& app, Parameters& parameters);
 /// if the command line has neither --preset nor --params; empty: no preset.
 void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
 
-/// The values of the parameters of addPipelineOptions, by name.
+/// The names and values of the parameters of addPipelineOptions.
 nlohmann::json toJson(const PipelineOptions& options);
 
 /// The matrix as three rows.
@@ -35,19 +35,19 @@ std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& mat
   const Eigen::Matrix<double, Size, Size, Eigen::RowMajor> rows = matrix;
   return {rows.data(), rows.data() + rows.size()};
 }
-/// The fields of an answer, by name.
+/// The names and values of the fields of an answer.
 nlohmann::json toJson(const UncertainHomography& answer);
 
-/// The text of a document; bytes that are not UTF-8, as in a file name, are replaced.
+/// The text of a JSON document. Bytes that are not UTF-8, for example in a file name, are replaced.
 std::string textOf(const nlohmann::json& json, int indentation);
 
-/// Adds --version, and --force for `force`.
+/// Adds the options --version and --force; --force sets `force`.
 void addCommonOptions(CLI::App& app, bool& force);
 
 /// Adds an option fx,fy,cx,cy: K of an image without distortion, px.
 CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
                              const std::string& text);
-/// K from the values of such an option; empty if the option was not given.
+/// K from the values of an option fx,fy,cx,cy; empty if the option was not given.
 std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 
 /// Refuses values of an option that are not a number in the range, including NaN.
@@ -57,11 +57,11 @@ CLI::Validator numberIn(const Limits& range);
 /// Throws std::invalid_argument like parameterOf.
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
-/// Parses the command line. Returns the exit code, or empty to continue: 0 after --help or
-/// --version, 2 for anything unusable.
+/// Parses the command line. Empty if the program should continue. Otherwise the exit code: 0 after
+/// --help or --version, 2 if the command line is unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-/// Makes the plan from every value of the command line, so call this after parse().
+/// Makes the plan from all values of the command line. Call this after parse().
 files::OutputPlan planOutputs(const CLI::App& app, bool force);
 
 }  // namespace ktgp_orb::tools

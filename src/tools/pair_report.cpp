@@ -18,17 +18,17 @@ namespace {
 
 using nlohmann::json;
 
-/// Standard deviation of a corner, px, above which we warn. It is the largest error with which a
+/// Standard deviation of a corner, px, above which we warn. This is the largest error at which a
 /// match still counts as correct.
 constexpr double kUncertainCorner = 3.0;
 
-/// Why a stage has no numbers; empty if it ran.
+/// Why a stage has no numbers; empty if the stage ran.
 const char* whyNotRun(const StageResult& stage, const MatcherOptions& options) {
   if (stage.id == StageId::gms && !options.gms.enabled) return "off";
   return stage.id >= StageId::prosac && stage.milliseconds == 0.0 ? "not needed" : "";
 }
 
-/// A remark that is printed beside the numbers of a stage.
+/// Remark that is printed beside the numbers of a stage.
 std::string noteOn(const StageResult& stage, const MatchResult& result,
                    const MatcherOptions& options) {
   switch (stage.id) {
@@ -93,7 +93,7 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
   }
 }
 
-/// The corners of the part of A that B shows, or of all of A if that part is not known; px of A.
+/// The corners of the part of A that B shows, px of A. If this part is not known, the corners of A.
 std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   const Eigen::Matrix3d& h = outcome.pair.match.answer.homography;
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
@@ -174,7 +174,7 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   return util::joined(causes, ", ");
 }
 
-/// Advice and reason if nothing was found.
+/// Reason and advice for the case that nothing was found.
 std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.pair.match.status == Status::too_few_features) {
@@ -210,7 +210,8 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
                 pose.rotation(row, 2), pose.translation[row]);
   }
   if (!covariance.allFinite()) return;
-  const double degrees = 180.0 / CV_PI;  // rad to degrees; the deviations below combine all axes
+  // Converts rad to degrees; the deviations below combine all axes.
+  const double degrees = 180.0 / CV_PI;
   const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   std::printf("standard deviation: rotation %.3f degrees, direction %s\n",
               degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()),
@@ -354,7 +355,8 @@ void print(const Outcome& outcome, const PipelineOptions& options) {
   printHomography(outcome, options);
 }
 
-/// A stage that chooses matches, with their distances and, if the truth is known, their errors.
+/// JSON of a stage that chooses matches: the distances of the matches and, if the truth is known,
+/// their errors.
 json matchingStage(const Outcome& outcome, std::size_t i) {
   json stage = toJson(outcome.pair.match.stages[i]);
   stage["descriptor_distance"] = toJson(outcome.distances[i]);

@@ -20,11 +20,12 @@ struct Outcome {
   MatchHints hints;
   // Statistics of the matches that remain after each of the four stages:
   std::array<metrics::ErrorSummary, 4> distances;  ///< distances of the descriptors
-  std::array<std::vector<double>, 4> errors;       ///< against the truth, px; empty without it
+  /// Errors with respect to the truth, px; empty if it is not known.
+  std::array<std::vector<double>, 4> errors;
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// The points of the scene that the final matches show; empty if no motion was found.
+/// The points of the scene from the final matches; empty if no motion was found.
 std::vector<ScenePoint> pointsOf(const Outcome& outcome);
 
 /// Prints the outcome to the standard output.

@@ -9,17 +9,18 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// The map with the parameters, which may be nested in other maps.
+/// Finds the map with the parameters, which may be nested in other maps.
 YAML::Node parametersIn(YAML::Node node) {
-  constexpr int kDeepest = 16;  // limit, since a map may contain itself
+  constexpr int kDeepest = 16;  // limit of the nesting, since a map may contain itself
   for (int depth = 0; node.IsMap(); ++depth) {
     if (depth > kDeepest) {
       throw std::invalid_argument(
           "it is nested too deeply; expected `name: value` lines in one or two");
     }
-    if (node["dictitems"]) {  // dynparam dump writes a Python object
+    if (node["dictitems"]) {  // the file of dynparam dump has a Python object
       node.reset(node["dictitems"]);
-    } else if (node.size() == 1 && node.begin()->second.IsMap()) {  // within a namespace
+      // The parameters are within a namespace.
+    } else if (node.size() == 1 && node.begin()->second.IsMap()) {
       node.reset(YAML::Node(node.begin()->second));
     } else {
       break;
@@ -62,7 +63,7 @@ void readNamed(const std::string& name, const std::string& text, Parameters& par
 }  // namespace
 
 void readParameterFile(const std::string& file, Parameters& parameters) {
-  constexpr std::size_t kMost = 1 << 20;  // bytes; a device file may be endless
+  constexpr std::size_t kMost = 1 << 20;  // largest size, bytes; a device file may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
   in.read(text.data(), static_cast<std::streamsize>(text.size()));

@@ -11,15 +11,15 @@ namespace ktgp_orb::tools {
 constexpr int kExitDone = 0;           ///< everything was done
 constexpr int kExitUnusedData = 1;     ///< some data could not be used; messages say which
 constexpr int kExitUnusable = 2;       ///< options, inputs or outputs cannot be used
-constexpr int kExitInterrupted = 130;  ///< Ctrl-C, as a shell reports it
+constexpr int kExitInterrupted = 130;  ///< Ctrl-C; the same code as in a shell
 
 /// The exit codes as text for --help.
 constexpr const char* kExitCodes =
     "Exit code: 0 done, 1 some of the data could not be used (it is named), 2 options, inputs or\n"
     "outputs cannot be used, 130 interrupted (Ctrl-C).";
 
-/// Runs `program` and returns its exit code. Returns kExitUnusable, after a message that begins
-/// with `name`, if it throws or if its output could not be written.
+/// Runs `program` and returns its exit code. If `program` throws or its output cannot be written,
+/// prints a message that begins with `name` and returns kExitUnusable.
 int runProgram(const char* name, const std::function<int()>& program);
 
 /// After this call, Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(), for programs
@@ -31,12 +31,13 @@ bool interrupted();
 /// write their files at the end.
 void exitWhenInterrupted();
 
-/// A progress bar or a status line on stderr, only on a terminal. Can be used from several threads.
+/// A progress bar or a status line on stderr; shown only if stderr is a terminal. Can be used from
+/// several threads.
 class ProgressBar {
  public:
   /// If `total` is 0, it is not known, and only the count is shown.
   explicit ProgressBar(std::size_t total);
-  /// Removes the bar.
+  /// Removes the bar from the terminal.
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;

@@ -9,7 +9,8 @@ namespace ktgp_orb::tools {
 VideoFile::VideoFile(const std::string& path, double rate, files::Outputs& outputs)
     : path_(path), rate_(rate), outputs_(outputs), file_(outputs.add(path)) {}
 
-// Uses H.264 if there is an encoder, since browsers do not show MPEG-4. H.264 needs even sides.
+// Uses H.264 if this OpenCV has an encoder for it, since browsers do not show MPEG-4. H.264 needs
+// even width and height.
 void VideoFile::open(const cv::Size& size) {
   size_ = cv::Size(size.width / 2 * 2, size.height / 2 * 2);
   for (const char* codec : {"avc1", "mp4v"}) {

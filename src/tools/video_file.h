@@ -14,8 +14,8 @@ class VideoFile {
   /// unwritable.
   VideoFile(const std::string& path, double rate, files::Outputs& outputs);
 
-  /// Adds a frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
-  /// Throws FileError if this OpenCV cannot write mp4.
+  /// Adds a frame of type CV_8UC3 or CV_8UC1; the first frame sets the size of the video, and the
+  /// other frames are scaled to this size. Throws FileError if this OpenCV cannot write mp4.
   void write(const cv::Mat& frame);
   bool empty() const { return !writer_.isOpened(); }
   /// Completes the file. Throws FileError, also if no frame was written.

@@ -10,7 +10,8 @@ namespace ktgp_orb::util {
 /// Keeps its buffers.
 class Buckets {
  public:
-  /// `bucket_of(i)`: bucket of number i, below `buckets`. There are `count` numbers.
+  /// Sorts the numbers 0 .. count - 1. `bucket_of(i)`: index of the bucket of number i, below
+  /// `buckets`.
   template <typename BucketOf>
   void sort(std::size_t count, std::size_t buckets, const BucketOf& bucket_of) {
     bucket_.resize(count);
@@ -28,15 +29,15 @@ class Buckets {
     }
   }
 
-  /// The numbers, bucket by bucket.
+  /// The sorted numbers, bucket by bucket.
   const std::vector<std::int32_t>& order() const { return order_; }
-  /// The place in order() where a bucket begins or ends. begin(number of buckets) is the end of the
+  /// Index in order() at which a bucket begins or ends. begin(number of buckets) is the end of the
   /// last bucket.
   std::uint32_t begin(std::size_t bucket) const { return start_[bucket]; }
   std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
 
  private:
-  std::vector<std::uint32_t> bucket_;  // bucket of each number
+  std::vector<std::uint32_t> bucket_;  // index of the bucket of each number
   std::vector<std::uint32_t> start_;
   std::vector<std::int32_t> order_;
 };

@@ -11,14 +11,16 @@
 
 namespace ktgp_orb::util {
 
-/// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera: finite, with
-/// 0, 0, 1 as its last row, and focal lengths of 0.15 to 50 times the longer side of the image,
-/// which is a field of view of 147 to about 1 degree. `image`: size of the image, px, or empty.
+/// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera: it must be finite,
+/// with 0, 0, 1 as the last row, and the focal lengths must be 0.15 to 50 times the longer side of
+/// the image, which means a field of view of 147 to about 1 degree. `image`: size of the image, px,
+/// or empty.
 template <typename Matrix>
 void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
-  constexpr double kLeast = 0.15;  // with less, a lens cannot show a plane as a plane
-  constexpr double kMost = 50.0;   // longer than the telephoto lenses of cameras
-  constexpr double kAny = 1e12;    // px
+  // With a shorter focal length, a lens cannot show a plane as a plane.
+  constexpr double kLeast = 0.15;
+  constexpr double kMost = 50.0;  // longer than the focal length of any camera's telephoto lens
+  constexpr double kAny = 1e12;   // px
   for (int i = 0; i < 9; ++i) {
     if (std::isfinite(k(i / 3, i % 3))) continue;
     throw std::invalid_argument(std::string(name) + " has an entry that is not finite");

@@ -10,15 +10,16 @@
 
 namespace ktgp_orb::util {
 
-/// Points sorted into square cells, to find the points near a position fast. Points outside the
-/// image, or not finite, belong to the nearest cell. Keeps its buffers.
+/// Sorts points into square cells, so that the points near a position are found fast. Points
+/// outside the image, or not finite, belong to the nearest cell. Keeps its buffers.
 class CellGrid {
  public:
-  /// `point(i)`: position of point i of `count`, px. `side`: side of a cell, px, > 0; it is
-  /// increased if there would be too many cells.
+  /// Sorts `count` points. `point(i)`: position of point i, px. `side`: side of a cell, px, > 0; it
+  /// is increased if there would be too many cells.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
-    constexpr double kMostCells = 1024.0;  // along a side; more would cost more than they save
+    // Cells along a side; more cells would cost more time than they save.
+    constexpr double kMostCells = 1024.0;
     per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
     columns_ = static_cast<int>(image.width * per_side_) + 1;
     rows_ = static_cast<int>(image.height * per_side_) + 1;
@@ -29,7 +30,8 @@ class CellGrid {
                  });
   }
 
-  /// The points cell by cell, row by row of cells; ascending within a cell.
+  /// Indices of the points, cell by cell. The cells are ordered row by row, and the indices within
+  /// a cell are ascending.
   const std::vector<std::int32_t>& order() const { return points_.order(); }
 
   /// The cells that intersect the square of half side `radius` around (x, y) form one run of
@@ -60,14 +62,14 @@ class CellGrid {
   int row(double y) const { return clamped(y, rows_); }
   int clamped(double x, int count) const {
     const double cell = x * per_side_;
-    // This form of the comparison gives NaN a cell, too.
+    // The comparison is written so that NaN gets cell 0.
     return cell >= 1.0 ? static_cast<int>(std::min(cell, count - 1.0)) : 0;
   }
 
   double per_side_ = 1.0;
   int columns_ = 1;
   int rows_ = 1;
-  Buckets points_;  // points by cell
+  Buckets points_;  // indices of the points, sorted by cell
 };
 
 }  // namespace ktgp_orb::util

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::util {
 
-/// Formats like std::printf, into a string.
+/// Formats text like std::printf and returns it as a string.
 __attribute__((format(printf, 1, 2))) inline std::string format(const char* pattern, ...) {
   va_list values;
   va_start(values, pattern);
@@ -35,7 +35,7 @@ inline std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
-/// The name of a frame for tf2, whose names have no leading slash.
+/// The name of a frame without a leading slash, as tf2 needs it.
 inline std::string withoutSlash(const std::string& frame) {
   return frame.substr(std::min(frame.find_first_not_of('/'), frame.size()));
 }

@@ -13,7 +13,7 @@ inline Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
   return m;
 }
 
-/// The rotation about a vector by its length in rad.
+/// The rotation about the direction of a vector; the angle in rad is the length of the vector.
 inline Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn) {
   const double angle = turn.norm();
   if (angle == 0.0) return Eigen::Matrix3d::Identity();

@@ -9,7 +9,8 @@ namespace {
 
 constexpr int kValues = 65536;
 
-/// The grey values of the dark and the bright end, beyond each of which `ignored` pixels lie.
+/// The grey values of the dark and the bright end: at most `ignored` pixels are darker than the
+/// first value, and at most `ignored` pixels are brighter than the second.
 std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
   std::vector<std::uint32_t> histogram(kValues, 0);
   for (int y = 0; y < image.rows; ++y) {

@@ -1,16 +1,17 @@
 #pragma once
 
-// The instruction sets for vector code: all that Highway knows, except those excluded here. Include
-// this before any header of Highway.
+// Defines the instruction sets for vector code: all sets that Highway knows, except the sets that
+// are excluded here. Include this before any header of Highway.
 //
-// How vector code is written: each loop exists in plain C++ as the reference, and with Highway in a
-// file *-inl.h. dispatch.cpp includes these files once for each instruction set, puts the functions
-// into a struct, and chooses one struct at run time. Tests compare each with the plain loops.
+// Each loop is written twice: in plain C++ as the reference, and with Highway in a file *-inl.h.
+// dispatch.cpp includes these files once for each instruction set, puts the functions into a
+// struct, and chooses one struct at run time. Tests compare each struct with the plain loops.
 
-// AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4); Highway 1.0 leaves it out by default.
+// Includes AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4), which Highway 1.0 leaves out by
+// default.
 #define HWY_WANT_AVX3_DL 1
-// Vectors of unknown size do not fit into arrays, and processors with SVE also have NEON.
-// Processors with only SSSE3 are too rare.
+// SVE and RVV are excluded because vectors of unknown size cannot be put into arrays; processors
+// with SVE also have NEON. SSSE3 is excluded because processors without a later set are too rare.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 
 // Whether an instruction set has vectors. Without vectors (riscv64, s390x) the plain loops run,

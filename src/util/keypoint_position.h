@@ -22,7 +22,8 @@ inline void requireKeypoint(const Features& features, std::int32_t index, const 
   }
 }
 
-/// Position of keypoint `index`, px; it must exist. For drawing and messages, in OpenCV's type.
+/// Position of keypoint `index`, px, in OpenCV's type for drawing and messages. The keypoint must
+/// exist.
 inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
   return features.keypoints[static_cast<std::size_t>(index)].pt;
 }

@@ -5,8 +5,9 @@
 namespace ktgp_orb::util {
 namespace {
 
-/// `weight`: CV_32FC1, 1 where `values` are known and 0 elsewhere. Unknown values come from a
-/// picture of half the size, in which each value is the mean of the known values that it covers.
+/// Fills the unknown values of a picture. `weight`: CV_32FC1, 1 where `values` are known and 0
+/// elsewhere. Unknown values are interpolated from a picture of half the size, in which each pixel
+/// is the mean of the known values that it covers.
 void fill(const cv::Mat& weight, cv::Mat& values) {
   if (cv::countNonZero(weight) == static_cast<int>(weight.total())) return;
   const cv::Size half((weight.cols + 1) / 2, (weight.rows + 1) / 2);

@@ -4,9 +4,10 @@
 
 namespace ktgp_orb::util {
 
-/// Mask (CV_8UC1) of a picture whose fourth channel is opacity: 255 where the picture is at least
-/// half opaque, else 0. Empty if there is no fourth channel, or if all pixels are on one side of
-/// this limit, as with drivers that leave the opacity zero.
+/// Mask (CV_8UC1) of the visible part of a picture whose fourth channel is opacity: 255 where the
+/// picture is at least half opaque, else 0. The mask is empty if there is no fourth channel, or if
+/// all pixels would have the same value in the mask. (Some drivers set the opacity of all pixels to
+/// zero.)
 cv::Mat visiblePart(const cv::Mat& picture);
 
 /// Continues the picture smoothly into the pixels where `visible` is 0, so that no features appear

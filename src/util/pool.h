@@ -8,18 +8,20 @@
 
 namespace ktgp_orb::util {
 
-/// Hands out objects, and takes each one back, with its buffers, when its last holder releases it.
+/// Hands out objects as shared pointers. When the last holder releases an object, the pool takes it
+/// back with its buffers.
 ///
-/// A shared_ptr frees its control block when nobody holds it any more. Here the control block lies
-/// beside the object. Freeing it tells the pool that the object is free, and no new block is
-/// allocated. The lock orders the accesses of the last holder before the next ones; use_count()
-/// would not.
+/// A shared_ptr frees its control block when nobody holds the pointer any more. Here the control
+/// block lies beside the object, so no memory is allocated for it, and when it is freed, the pool
+/// knows that the object is free. The lock makes all accesses of the last holder come before the
+/// accesses of the next holder; use_count() would not guarantee this.
 template <typename T>
 class Pool {
  public:
   using Release = void (*)(T&);
 
-  /// `most`: number of free objects to keep. `release`: called in the thread of the last holder.
+  /// `most`: largest number of free objects to keep. `release`: function that is called with a
+  /// released object, in the thread of the last holder.
   Pool(std::size_t most, Release release) : state_(std::make_shared<State>()), release_(release) {
     state_->most = most;
     state_->free.reserve(most);
@@ -59,7 +61,8 @@ class Pool {
     std::size_t most = 0;
   };
 
-  /// Gives a shared_ptr the block of a slot as memory for its control block.
+  /// Allocator that puts the control block of a shared_ptr into Slot::block, so that it needs no
+  /// memory of its own.
   template <typename Block>
   struct BlockAllocator {
     using value_type = Block;

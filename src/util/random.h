@@ -4,7 +4,8 @@
 
 namespace ktgp_orb::util {
 
-/// SplitMix64 (Steele, Lea & Flood, OOPSLA 2014): 64 bits of state, the same numbers everywhere.
+/// Random numbers by SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), which has 64 bits of state and
+/// gives the same numbers on all machines.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}
@@ -17,7 +18,7 @@ class Random {
     return z ^ (z >> 31);
   }
 
-  /// Uniform in [0, n); the bias of n / 2^32 is far too small to matter.
+  /// A number that is uniform in [0, n). The bias of n / 2^32 is far too small to matter.
   std::uint32_t below(std::uint32_t n) {
     return static_cast<std::uint32_t>(((next() >> 32) * n) >> 32);
   }

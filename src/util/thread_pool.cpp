@@ -10,8 +10,9 @@ namespace ktgp_orb::util {
 namespace {
 
 // Waking a sleeping thread takes about as long as a short loop. So a waiting thread first polls for
-// some tens of microseconds, and lets other threads run in between. The limit is a time, since on a
-// busy machine one yield may take as long as the time slices of all waiting threads.
+// some tens of microseconds, and lets other threads run in between. The polling is limited by time,
+// not by the number of yields, since on a busy machine one yield may take as long as the time
+// slices of all waiting threads.
 template <typename Condition>
 void waitAwake(const Condition& condition) {
   using Clock = std::chrono::steady_clock;
@@ -23,7 +24,7 @@ void waitAwake(const Condition& condition) {
 
 ThreadPool::ThreadPool(int threads) {
   requireInRange("threads", threads, 0, 1024);
-  // hardware_concurrency() may return 0 for unknown.
+  // hardware_concurrency() returns 0 if the number is not known.
   if (threads == 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   try {
     for (int i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
@@ -57,7 +58,8 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  loop_ = nullptr;  // this does not wait for workers that still sleep
+  // Workers that still sleep will find no loop, so there is no need to wait for them.
+  loop_ = nullptr;
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });
   lock.lock();

@@ -10,11 +10,13 @@
 
 namespace ktgp_orb::util {
 
-/// Threads that share the iterations of a loop. The caller works, too, so a pool of one thread
-/// starts no thread. Allocates only in the constructor. parallelFor must not overlap or nest.
+/// Threads that share the iterations of a loop. The calling thread works, too, so a pool of one
+/// thread starts no thread. Memory is allocated only in the constructor. Calls of parallelFor must
+/// not overlap or be nested.
 class ThreadPool {
  public:
-  /// `threads`: including the caller, >= 0; 0: as many as the machine runs at once.
+  /// `threads`: number of threads, including the calling thread, >= 0; 0 means one thread for each
+  /// core.
   explicit ThreadPool(int threads);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -24,14 +26,15 @@ class ThreadPool {
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
   /// Calls function(i) once for every i in [0, count), in any order and from any of the threads,
-  /// and returns when all are done. The first exception ends the loop early and is rethrown.
+  /// and returns when all calls have ended. If a call throws, the loop ends early and the first
+  /// exception is rethrown.
   template <typename Function>
   void parallelFor(int count, const Function& function) {
     run({[](const void* f, int i) { (*static_cast<const Function*>(f))(i); }, &function, count});
   }
 
  private:
-  /// A loop with its type erased, without std::function and heap memory.
+  /// A loop whose function type is erased. Unlike std::function, it needs no heap memory.
   struct Loop {
     void (*call)(const void* function, int i);
     const void* function;
@@ -44,12 +47,14 @@ class ThreadPool {
   void stop();
 
   std::vector<std::thread> workers_;
-  std::atomic<int> next_{0};  // first free iteration
-  std::mutex mutex_;          // guards the members below
+  std::atomic<int> next_{0};  // first iteration that no thread has taken yet
+  std::mutex mutex_;          // guards the members that follow it
   std::condition_variable loop_opened_;
   std::condition_variable worker_left_;
-  const Loop* loop_ = nullptr;                  // the open loop; if null, late workers sleep again
-  std::atomic<std::uint64_t> loops_opened_{0};  // these three are also read without the mutex
+  // The loop that is running; if null, workers that wake up late sleep again.
+  const Loop* loop_ = nullptr;
+  // This and the next two members are also read without the mutex.
+  std::atomic<std::uint64_t> loops_opened_{0};
   std::atomic<int> busy_workers_{0};
   std::atomic<bool> stopping_{false};
   std::exception_ptr error_;

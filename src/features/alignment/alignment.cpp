@@ -20,7 +20,8 @@ using alignment::bestAlignmentKernels;
 constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the position that H predicts
 
-/// Counter of each PatchOutcome, in order; aligned points have none, but are in `points`.
+/// The counter in AlignmentResult for each PatchOutcome, in the order of the enumerators. Aligned
+/// points have no counter, because they are in `points`.
 constexpr std::size_t AlignmentResult::*kCounts[] = {nullptr,
                                                      &AlignmentResult::outside,
                                                      &AlignmentResult::distorted,
@@ -38,7 +39,8 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Largest deviation at an image corner, px, in whichever of the two images gives less.
+/// Largest standard deviation at an image corner, px: computed for both images, and the smaller
+/// value of the two is returned.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -49,8 +51,8 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
 
 /// The aligned homography is the answer unless the keypoints determine the corners of the image
 /// better. This happens if patches could be aligned only in a small part of the image, or scatter
-/// like keypoints. The smooth errors of aligned points come from the scene and affect keypoints,
-/// too, so the candidate's do not count.
+/// like keypoints. The smooth errors of aligned points come from the scene and affect keypoints in
+/// the same way, so the candidate's shared covariance is not counted.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
@@ -76,8 +78,9 @@ struct Alignment::Impl {
 
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
-  double rounding2 = 0.0;                         // sum of AlignedPatch::rounding2, px²
-  std::vector<Eigen::Vector2d> reference_points;  // keypoints of all matches
+  double rounding2 = 0.0;  // sum of AlignedPatch::rounding2, px²
+  // Positions of the reference keypoints of all matches.
+  std::vector<Eigen::Vector2d> reference_points;
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;
@@ -105,7 +108,8 @@ void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
   result.points.clear();
-  result = {AlignmentStatus::not_run, start, std::move(result.points)};  // keeps the buffer
+  // Moving `points` keeps its buffer.
+  result = {AlignmentStatus::not_run, start, std::move(result.points)};
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
   if (!impl.aligner.setImages(reference.images, target.images)) {

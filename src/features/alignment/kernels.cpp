@@ -3,8 +3,8 @@
 namespace ktgp_orb::alignment {
 namespace {
 
-/// Sixteen sums, one per column, so that vectors of any width add the same numbers in the same
-/// order.
+/// Sixteen sums, one for each column. With this order of additions, vectors of any width give the
+/// same result.
 class ColumnSums {
  public:
   void add(int column, float value) { sums_[column] += value; }
@@ -89,7 +89,8 @@ void prepare(const float* patch, PatchTemplate& out) {
   out.yy = product(out.dy, out.dy);
 }
 
-/// Weights 1 4 6 4 1 across and down give 256 times the smoothed value, which fits sixteen bits.
+/// The weights 1 4 6 4 1 across and down give 256 times the smoothed value, which fits into sixteen
+/// bits.
 void smooth(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window) {
   const auto across = [&](int row, int column) {
     const std::uint8_t* p = pixel + row * stride + column;

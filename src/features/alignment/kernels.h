@@ -9,31 +9,36 @@ namespace ktgp_orb::alignment {
 constexpr int kPatchSide = 16;
 /// Number of px that smoothing and derivatives read beyond the patch on each side.
 constexpr int kPatchBorder = 2;
-/// Side of the reference patch before smoothing.
+/// Side of the warped reference patch before smoothing, px.
 constexpr int kWarpSide = kPatchSide + 2 * kPatchBorder;
-/// Length of the rows of the reference patch in memory, a multiple of the vector length.
+/// Length of a row of the reference patch in memory, in floats: a multiple of the vector length.
 constexpr std::ptrdiff_t kWarpPitch = 24;
-/// Side of the window of the target in which the patch is moved, after and before smoothing.
+/// Side of the target's window in which the patch is moved, px: after smoothing (kWindowSide) and
+/// before smoothing (kRawWindowSide).
 constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
 
-/// Positions of samples (row, column) on a slanted grid, in 1/65536 px from the given pixel.
+/// Positions of samples (row, column) on a slanted grid, relative to a given pixel, in units of
+/// 1/65536 px.
 struct AffineWalk {
   std::int32_t x0, y0;              ///< position of sample (0, 0)
   std::int32_t x_column, y_column;  ///< step to the next column
   std::int32_t x_row, y_row;        ///< step to the next row
 };
 
-/// A smoothed patch of the reference and its derivatives by x and y, each with its mean subtracted.
+/// A smoothed patch of the reference and its derivatives with respect to x and y. From each of the
+/// three, the mean is subtracted.
 struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
   float dy[kPatchSide][kPatchSide];
-  float tt, tx, ty, xx, xy, yy;  ///< sums of products of the value t and the derivatives x, y
+  /// Sums of the products of the value t and the derivatives x and y.
+  float tt, tx, ty, xx, xy, yy;
 };
 
-/// Sums over a patch of the target's values i and of their products with the template's t, x, y.
+/// Sums over a patch: the target's values i, their squares, and their products with the template's
+/// value t and its derivatives x and y.
 struct MatchSums {
   float i, ii, ti, xi, yi;
 };
@@ -44,27 +49,30 @@ struct MatchSums {
 struct AlignmentKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Bilinear samples of an image along `walk` from `pixel`: kWarpSide rows of kWarpPitch. All
-  /// pixels of the samples, and two bytes to the right, must be readable.
+  /// Samples an image bilinearly along `walk`, starting at `pixel`, and writes kWarpSide rows of
+  /// kWarpPitch values. All sampled pixels, and two bytes to their right, must be readable.
   void (*warp)(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk,
                float* patch);
 
-  /// Smooths the patch (binomial of five, sigma 1), takes its derivatives and sums up the products.
+  /// Smooths the patch (binomial of five, sigma 1), computes its derivatives, and sums up their
+  /// products.
   void (*prepare)(const float* patch, PatchTemplate& out);
 
   /// Smooths kRawWindowSide rows and columns, starting at `pixel`, into kWindowSide rows of
-  /// kWindowPitch. Four more columns must be readable.
+  /// kWindowPitch values. Four more columns on the right must be readable.
   void (*smooth)(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window);
 
-  /// Compares the template with the window's values from `corner` on, shifted right and down by the
-  /// fractions (fx, fy) of a pixel. Reads one row and column before and two after.
+  /// Compares the template with the window's values from `corner` on, interpolated at (fx, fy) px
+  /// to the right and below, 0 <= fx, fy < 1. Reads one more row and column before the patch, and
+  /// two after it.
   MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
 };
 
-/// Weights of a pixel, the pixel before and the two after, for interpolation at the fraction `f`.
-/// This cubic displaces waves of six pixels and more by less than 0.001 px. The cubic of Catmull
-/// and Rom would displace them by up to 0.017 px, always towards whole pixels, so that the errors
-/// of a slow camera's steps would add up.
+/// Weights for interpolation at the fraction `f` of a pixel: the weight of the pixel itself, of the
+/// pixel before, and of the two pixels after. This cubic displaces waves with a length of six
+/// pixels or more by less than 0.001 px. The cubic of Catmull and Rom would displace them by up to
+/// 0.017 px, always towards whole pixels, so that the errors of the steps of a slow camera would
+/// add up.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
@@ -81,7 +89,7 @@ inline float sumOfColumns(const float* s) {
   return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
 }
 
-/// The set in plain C++, which is the reference for the other sets.
+/// The set of functions in plain C++, which is the reference for the other sets.
 const AlignmentKernels& portableAlignmentKernels();
 /// The fastest set that this build and this processor support.
 const AlignmentKernels& bestAlignmentKernels();

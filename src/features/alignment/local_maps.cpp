@@ -46,8 +46,10 @@ void LocalMaps::findNeighbours(std::size_t i) {
 
 Eigen::Matrix3d LocalMaps::at(std::size_t i) {
   constexpr int kRounds = 3;
-  constexpr double kPrior = 0.1;  // weight of the similarity relative to the neighbours
-  constexpr double kNear = 2.0;   // px: deviation that halves a neighbour's weight
+  // Weight of the similarity map, relative to the weight of the neighbours.
+  constexpr double kPrior = 0.1;
+  // px; a neighbour with this deviation from the map gets half the weight.
+  constexpr double kNear = 2.0;
   findNeighbours(i);
   const Eigen::Vector2d from = (*reference_)[i];
   const Eigen::Vector2d to = (*target_)[i];

@@ -11,16 +11,18 @@
 
 namespace ktgp_orb::alignment {
 
-/// Maps the surroundings of each match to the target without a homography. Keeps its buffers.
+/// Computes for each match how its surroundings are mapped to the target. No homography is needed.
+/// Keeps its buffers.
 class LocalMaps {
  public:
   /// Parallel arrays of matched points, px; `image`: size of the reference.
   void load(const std::vector<Eigen::Vector2d>& reference,
             const std::vector<Eigen::Vector2d>& target, const cv::Size& image);
 
-  /// The affine map around match `i`, as a homography that takes its reference point to its target
-  /// point: least squares over the twelve nearest matches in the reference, regularised towards
-  /// their similarity. Matches at another depth get less weight.
+  /// The affine map around match `i`, as a homography that maps its reference point to its target
+  /// point. It is fitted by least squares to the twelve nearest matches in the reference, and
+  /// regularised towards the similarity map that fits them best. A match with a large deviation,
+  /// which may be at another depth, gets less weight.
   Eigen::Matrix3d at(std::size_t i);
 
  private:
@@ -30,7 +32,8 @@ class LocalMaps {
   const std::vector<Eigen::Vector2d>* target_ = nullptr;
   double spacing_ = 1.0;  // radius of a disc with about twelve points, px
   util::CellGrid grid_;
-  std::vector<std::pair<double, std::int32_t>> near_;  // squared distance and index
+  // Squared distance (px²) and index of each neighbour.
+  std::vector<std::pair<double, std::int32_t>> near_;
 };
 
 }  // namespace ktgp_orb::alignment

@@ -11,7 +11,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A row of a patch is one vector with AVX-512, two with AVX2, four otherwise.
+// A row of a patch takes one vector with AVX-512, two vectors with AVX2, and four vectors
+// otherwise.
 const hn::CappedTag<float, kPatchSide> kFloats;
 using Floats = hn::Vec<decltype(kFloats)>;
 constexpr int kFloatLanes = static_cast<int>(hn::MaxLanes(kFloats));
@@ -68,7 +69,7 @@ HWY_INLINE V derived(V a, V b, V d, V e) {
                  hn::Set(tag, 1.F / 8.F));
 }
 
-/// Sums of sixteen columns, kept as vectors.
+/// Sixteen sums, one for each column, in vectors.
 class ColumnSums {
  public:
   ColumnSums() {
@@ -128,7 +129,8 @@ void sumProducts(PatchTemplate& patch) {
   patch.yy = yy.total();
 }
 
-// Columns first, then rows, because a load that overlaps two recent stores would wait for both.
+// Columns are processed first, then rows, because a load that overlaps two recent stores would wait
+// for both.
 void prepare(const float* patch, PatchTemplate& out) {
   const hn::CappedTag<float, 8> wide;
   alignas(64) float smooth[kPatchSide][kWarpPitch];
@@ -162,7 +164,7 @@ void prepare(const float* patch, PatchTemplate& out) {
   sumProducts(out);
 }
 
-/// The binomial 1 4 6 4 1 of sixteen-bit numbers.
+/// The sum of five sixteen-bit numbers with the binomial weights 1 4 6 4 1.
 template <typename V>
 HWY_INLINE V weighted(V a, V b, V c, V d, V e) {
   return hn::Add(hn::Add(hn::Add(a, e), hn::ShiftLeft<2>(hn::Add(b, d))),

@@ -11,7 +11,8 @@
 namespace ktgp_orb::alignment {
 namespace {
 
-/// x_level0 = factor * x_level + offset, along each axis.
+/// Maps positions on a pyramid level to level 0: x_level0 = factor * x_level + offset, along each
+/// axis.
 struct LevelMap {
   Eigen::Vector2d factor;
   Eigen::Vector2d offset;
@@ -27,7 +28,8 @@ struct LevelMap {
   }
 };
 
-/// The level that is smaller than level 0 by about `scale`; 0 if `scale` is below 1.5.
+/// Index of the pyramid level that is smaller than level 0 by a factor of about `scale`; 0 if
+/// `scale` is below 1.5.
 std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   constexpr double kLeast = 1.5;
   if (scale < kLeast) return 0;
@@ -45,9 +47,10 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Apparent shift of a patch because H is not affine, in px of the target: the mean of the
-/// second-order part of H. `back`: inverse of H's Jacobian at the middle of the patch, which warps
-/// it; `w`: third coordinate of the mapped middle; `side`: sides of the patch, px of the target.
+/// Apparent shift of a patch, px of the target, which arises because H is not affine: the mean of
+/// the second-order part of H over the patch. `back`: inverse of H's Jacobian at the middle of the
+/// patch, which warps it; `w`: third coordinate of the mapped middle; `side`: sides of the patch,
+/// px of the target.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -68,7 +71,7 @@ bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
                                  double reach) {
-  constexpr double kMaxStretch = 4.0;  // largest ratio of two scales
+  constexpr double kMaxStretch = 4.0;  // largest stretch between the two levels
   AlignedPatch result;
   if (!((homography * point.homogeneous()).z() > 0.0)) return result;
   const Eigen::Matrix2d full = homography::jacobianByPoint(homography, point);
@@ -105,7 +108,7 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
                              const Eigen::Matrix2d& back) {
   constexpr double kUnit = 65536.0;
   const auto fixed = [](double x) { return static_cast<std::int32_t>(std::lrint(x * kUnit)); };
-  // The corner farthest from the middle, plus one pixel for interpolation.
+  // Distance of the farthest corner from the middle of the patch, plus one pixel for interpolation.
   constexpr double kFirst = 0.5 * (kWarpSide - 1);
   constexpr double kLast = kWarpPitch - 1 - kFirst;
   const Eigen::Vector2d spread = back.cwiseAbs() * Eigen::Vector2d(kLast, kFirst);
@@ -119,8 +122,9 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
   const int y = static_cast<int>(centre.y());
   const Eigen::Vector2d first =
       centre - Eigen::Vector2d(x, y) - back * Eigen::Vector2d(kFirst, kFirst);
-  // The kernel truncates the positions of the samples to 1/256 px; adding half of that rounds them.
-  // Truncation would displace all patches by 1/512 px, in the same direction in every frame.
+  // The kernel truncates the positions of the samples to 1/256 px. We add half of this step, so
+  // that they are rounded. Truncation would displace all patches by 1/512 px, in the same direction
+  // in every frame.
   constexpr std::int32_t kHalfStep = 128;
   const AffineWalk walk{fixed(first.x()) + kHalfStep,
                         fixed(first.y()) + kHalfStep,
@@ -140,7 +144,7 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
 /// Second moments of the derivatives of a patch, with gain and bias projected out.
 struct Texture {
-  double sx, sy;  // parts of the derivatives that a gain explains, as factors of t
+  double sx, sy;  // the parts of the derivatives that a gain explains are sx t and sy t
   double xx, xy, yy;
   double determinant;
 
@@ -160,12 +164,13 @@ struct Texture {
   }
 };
 
-/// The upper left pixel of the window in which a patch with this upper left corner can move; empty
-/// if the window leaves the image.
+/// The upper left pixel of the window in which a patch can move whose upper left corner is
+/// `corner`; empty if the window leaves the image.
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
   constexpr double kFar = 1e6;     // far outside any image, but still an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
-  constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px that the patch can move
+  // Whole px that the patch can move in each direction.
+  constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;
   if (!(corner.array().abs() < kFar).all()) return std::nullopt;
   const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
   const int top = static_cast<int>(std::floor(corner.y())) - kSlack;
@@ -177,8 +182,9 @@ std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const
   return Eigen::Vector2i(left, top);
 }
 
-/// Offset of the patch from the position where it fits best, computed from the sums at its
-/// position; empty if patch and target do not correlate. `correlation`: NCC².
+/// Offset of the patch from the position where it fits best, computed from the sums at the present
+/// position. Empty if patch and target do not correlate. `correlation` is set to the squared
+/// normalised cross-correlation.
 std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, double tt,
                                         double& correlation) {
   constexpr double kCount = kPatchSide * kPatchSide;
@@ -228,7 +234,7 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     if (!((at - start).cwiseAbs().maxCoeff() <= reach)) return PatchOutcome::beyond_reach;
     if (!(move.squaredNorm() < kSmallStep * kSmallStep)) continue;
     if (result.correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
-    constexpr double kRounding2 = 1.0 / 12.0;  // variance of rounding to an integer
+    constexpr double kRounding2 = 1.0 / 12.0;  // variance of the error of rounding to an integer
     result.rounding2 = 0.5 * kRounding2 * (texture->xx + texture->yy) / texture->determinant;
     position = window->cast<double>() + at + Eigen::Vector2d::Constant(kHalf);
     return PatchOutcome::aligned;

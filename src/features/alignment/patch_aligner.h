@@ -22,26 +22,28 @@ enum class PatchOutcome : std::uint8_t {
 struct AlignedPatch {
   PatchOutcome outcome = PatchOutcome::outside;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, centre of the patch
-  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, position of that centre
+  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, position of the patch's centre
   double correlation = 0.0;                             ///< NCC², 0..1
-  /// Variance of the position per coordinate due to the rounding of grey values to integers, px².
+  /// Variance of the position per coordinate, px², that is due to the rounding of grey values to
+  /// integers.
   double rounding2 = 0.0;
 };
 
-/// Registers single patches of the reference in the target: translation by inverse-compositional
-/// least squares (Baker & Matthews, IJCV 2004) with gain and bias projected out; the patch is
-/// warped by the local affine part of H (as in SVO; Forster et al., ICRA 2014).
+/// Registers single patches of the reference in the target. A patch is warped by the local affine
+/// part of H (as in SVO; Forster et al., ICRA 2014). Its translation is found by
+/// inverse-compositional least squares (Baker & Matthews, IJCV 2004), with gain and bias projected
+/// out.
 class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// The grey image pyramids, level 0 first; stored by reference. Returns false if a pyramid has no
-  /// image, so that nothing can be aligned.
+  /// Sets the grey image pyramids, level 0 first. They are stored by reference. Returns false if a
+  /// pyramid has no image, so that nothing can be aligned.
   bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
-  /// `point`: px in the reference; the patch is centred between the four nearest pixels. `reach`:
-  /// largest distance that the patch may move, px of the target's level, at most (kWindowSide -
-  /// kPatchSide) / 2 - 2.
+  /// Aligns one patch. `point`: position in the reference, px; the patch is centred between the
+  /// four pixels nearest to it. `reach`: largest distance that the patch may move, px of the
+  /// target's level, at most (kWindowSide - kPatchSide) / 2 - 2.
   AlignedPatch align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point, double reach);
 
  private:

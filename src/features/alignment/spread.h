@@ -14,10 +14,11 @@ namespace ktgp_orb::alignment {
 class PointSpread {
  public:
   /// Writes the indices of up to `wanted` of the `points` (px) to `chosen`, ascending. The image is
-  /// divided into about `wanted` cells. In each round every cell gives its next point, in the order
-  /// of the input, until there are enough. If the last round has more points than are needed, the
-  /// chosen ones are spread over the cells. If points of a cell nearly coincide, such as a corner
-  /// found in several octaves, only the first counts.
+  /// divided into about `wanted` cells. In each round, the next point of every cell is chosen, in
+  /// the order of the input, until there are enough points. If the last round has more points than
+  /// are needed, the points are taken from cells spread over the image. If points of a cell nearly
+  /// coincide, for example because a corner was found in several octaves, only the first point
+  /// counts.
   void choose(const std::vector<Eigen::Vector2d>& points, const cv::Size& image, std::size_t wanted,
               std::vector<std::uint32_t>& chosen);
 
@@ -27,8 +28,10 @@ class PointSpread {
   void dropTwins(const std::vector<Eigen::Vector2d>& points);
 
   util::Buckets cells_;
-  std::vector<std::uint32_t> kept_;   // points without twins, cell by cell
-  std::vector<std::uint32_t> begin_;  // first index of each cell in kept_, then the end
+  // Indices of the points that do not coincide with an earlier point, cell by cell.
+  std::vector<std::uint32_t> kept_;
+  // Index in kept_ at which each cell begins, and last the size of kept_.
+  std::vector<std::uint32_t> begin_;
   std::vector<std::uint32_t> round_;
 };
 

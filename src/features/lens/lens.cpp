@@ -20,10 +20,11 @@ bool isFinite(const cv::Matx33d& matrix) {
   return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
 }
 
-/// OpenCV's lens models ignore skew. The principal point may be outside the image, if the image is
-/// a part (roi) of a larger one.
+/// OpenCV's lens models ignore skew. The principal point may be outside the image if the image is a
+/// part (roi) of a larger image.
 void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
-  constexpr double kFarthest = 10.0;  // as a multiple of the image size
+  // Largest distance of the principal point, as a multiple of the image size.
+  constexpr double kFarthest = 10.0;
   util::requireK(name, camera, image);
   if (camera(0, 1) != 0.0) {
     throw std::invalid_argument(name + " has skew, " + std::to_string(camera(0, 1)) +
@@ -37,7 +38,7 @@ void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const
 }
 
 void requireRotation(const cv::Matx33d& rotation) {
-  constexpr double kRounding = 1e-3;  // calibration files have few digits
+  constexpr double kRounding = 1e-3;  // tolerance, since calibration files have few digits
   if (!isFinite(rotation)) throw std::invalid_argument("the rectifying rotation is not finite");
   if (cv::norm(rotation * rotation.t() - cv::Matx33d::eye()) < kRounding &&
       cv::determinant(rotation) > 0.0) {
@@ -91,9 +92,11 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
 
 constexpr double kNear = 1.0;  // px
 
-/// Throws if the distortion cannot be inverted near the middle; for any calibrated lens it can.
+/// Throws if the distortion cannot be inverted near the middle of the image. The distortion of any
+/// calibrated lens can be inverted there.
 void requireInverse(const LensCalibration& c) {
-  constexpr double kShare = 0.125;  // share of the image size, from the principal point
+  // Distance of the test point from the principal point, as a share of the image size.
+  constexpr double kShare = 0.125;
   const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
                                          c.camera(1, 2) + kShare * c.image_size.height}};
   if (cv::norm(pixelsOf(c, raysOf(c, pixels))[0] - pixels[0]) < kNear) return;
@@ -102,13 +105,13 @@ void requireInverse(const LensCalibration& c) {
       "coefficients (D) of a calibration");
 }
 
-// A pixel of a fisheye at 60 degrees from the axis covers 1 / cos² = 4 px of the image without
-// distortion, more than the limit of an inlier. With points up to 75 degrees (15 px), the preset
-// slam was sure of a pure turn in 2 of 8 image pairs of a 200-degree lens; with points up to 60
-// degrees, in all 8.
+// At 60 degrees from the axis of a fisheye, one pixel covers 1 / cos² = 4 px of the image without
+// distortion, which is more than the inlier threshold; at 75 degrees, it covers 15 px. In 8 image
+// pairs of a 200-degree lens, the preset slam found a pure turn with certainty in 2 pairs with
+// points up to 75 degrees, and in all 8 with points up to 60 degrees.
 constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 
-/// Largest angle up to which larger angles lead farther from the principal point, rad.
+/// Largest angle, rad, up to which the distance from the principal point increases with the angle.
 double rangeOf(const LensCalibration& c) {
   constexpr int kSteps = 300;
   std::vector<cv::Point2d> rays;

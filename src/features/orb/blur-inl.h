@@ -16,9 +16,9 @@ using Floats = hn::Rebind<float, Words>;
 using Integers = hn::RebindToSigned<Words>;
 using Bytes8 = hn::Repartition<std::uint8_t, Words>;
 
-// Pixels are processed as words of four bytes. The values of a register of words are in four
-// registers: the first bytes of all words, the second bytes, and so on. Splitting and joining words
-// is cheaper than widening and narrowing bytes.
+// Pixels are processed as words of four bytes. A register of words is split into four registers:
+// the first bytes of all words, the second bytes, and so on. Splitting and joining words is cheaper
+// than widening and narrowing bytes.
 constexpr int kPixelsPerWord = 4;
 
 template <int kByte>
@@ -31,7 +31,7 @@ HWY_INLINE hn::Vec<Words> loadWords(const std::uint8_t* pixel) {
   return hn::BitCast(Words(), hn::LoadU(Bytes8(), pixel));
 }
 
-// p[0..6]: the pixels at distance -3..3.
+// p[0..6]: the pixels at the distances -3..3 from the blurred pixel.
 HWY_INLINE hn::Vec<Floats> weightedSum(const hn::Vec<Floats>* p) {
   const Floats d;
   auto sum = hn::Mul(hn::Set(d, kGaussian[3]), p[0]);

@@ -21,8 +21,8 @@ float arcTangent(float ratio) {
   return (((kP7 * square + kP5) * square + kP3) * square + kP1) * ratio;
 }
 
-// Returns `whole` - angle if wanted, else the angle, which is not negative. There is no branch,
-// because it would be unpredictable.
+// Returns `whole` - angle if `wanted`, else the angle, which is not negative. The function has no
+// branch, because the branch would be mispredicted often.
 float reflected(float angle, float whole, bool wanted) {
   const float sign[] = {1.f, -1.f};
   const float base[] = {0.f, whole};
@@ -31,8 +31,8 @@ float reflected(float angle, float whole, bool wanted) {
 
 }  // namespace
 
-// Three rows of FAST scores move down the image. A row has one extra score on each side, since the
-// first and the last reported pixel need neighbours.
+// Only the scores of three rows of the image are kept at a time. A row has one extra score on each
+// side, since the first and the last reported pixel need neighbours.
 void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners) {
@@ -49,7 +49,7 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
   compute(first_row);
   for (int y = first_row; y < last_row; ++y) {
     compute(y + 1);
-    const std::uint8_t* row = scores(y) + 1;  // the score of column kEdgeMargin
+    const std::uint8_t* row = scores(y) + 1;  // points to the score of column kEdgeMargin
     const int found = kernels.local_maxima(scores(y - 1) + 1, row, scores(y + 1) + 1, columns,
                                            scratch.maxima.data());
     for (int i = 0; i < found; ++i) {
@@ -64,7 +64,7 @@ float vectorAngle(float y, float x) {
   const float width = std::abs(x);
   const float height = std::abs(y);
   const bool is_flat = width >= height;
-  // The addend avoids a division by zero for the null vector and changes no other result.
+  // DBL_EPSILON avoids a division by zero for the null vector. It changes no other result.
   const float ratio =
       std::min(width, height) / (std::max(width, height) + static_cast<float>(DBL_EPSILON));
   const float angle = reflected(arcTangent(ratio), 90.f, !is_flat);

@@ -14,10 +14,10 @@ struct FastScratch {
   std::vector<std::int32_t> maxima;
 };
 
-/// Appends the FAST-9 corners of the rows [first_row, last_row) of `image` after non-maximum
-/// suppression, row by row and from left to right, with their FAST score as response. All corners
-/// are at least kEdgeMargin px from the border; the image must be larger than these margins, and
-/// the rows must lie between them.
+/// Finds the FAST-9 corners of the rows [first_row, last_row) of `image`, suppresses non-maxima,
+/// and appends the remaining corners row by row and from left to right. The response of a corner is
+/// its FAST score. All corners are at least kEdgeMargin px from the border; the image must be
+/// larger than these margins, and the rows must lie between them.
 void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners);

@@ -16,7 +16,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::ScalableTag<std::uint8_t>;
 using ByteVector = hn::Vec<Bytes>;
 
-// For each pixel, the largest grey value that some arc of nine neighbours reaches throughout.
+// For each pixel: the minimum over an arc of nine neighbours, maximised over all arcs.
 //
 // Two arcs that start at an even neighbour and at its successor share eight neighbours:
 // max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
@@ -37,17 +37,17 @@ HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   return nine[0];
 }
 
-// True for pixels that cannot have a dark arc. An arc of nine contains at least one pixel of every
-// opposite pair, and both pixels of one pair. So a dark arc needs an opposite pair that is dark,
-// and if there is one, there is no bright arc.
+// True for pixels that cannot have a dark arc. An arc of nine contains both pixels of one opposite
+// pair, so a dark arc needs a pair whose two pixels are dark. An arc also contains at least one
+// pixel of every opposite pair, so such a dark pair excludes a bright arc.
 HWY_INLINE hn::Mask<Bytes> canOnlyBeBright(const ByteVector (&p)[16], ByteVector centre) {
   ByteVector least = hn::Max(p[0], p[8]);
   for (int i = 1; i < 8; ++i) least = hn::Min(least, hn::Max(p[i], p[i + 8]));
   return least > centre;
 }
 
-// Any arc of nine contains two neighbouring compass points. So there is no corner without such a
-// pair of enough contrast.
+// Any arc of nine contains two neighbouring compass points. So a pixel is no corner unless two
+// neighbouring compass points have enough contrast.
 HWY_INLINE bool mayHoldCorner(ByteVector south, ByteVector east, ByteVector north, ByteVector west,
                               ByteVector centre, ByteVector threshold) {
   const auto brightest = hn::Min(hn::Max(south, north), hn::Max(east, west));

@@ -103,8 +103,8 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
 }
 
 // a * b + c rounded once, like a fused multiply-add: the product of two floats is exact in double
-// precision. (The sum is rounded twice, to double and then to float. This could give another result
-// only exactly half-way between two floats.)
+// precision. (The sum is rounded twice, to double and then to float. The result can differ only if
+// the sum in double precision is exactly half-way between two floats.)
 float multiplyAdd(float a, float b, float c) {
   return static_cast<float>(static_cast<double>(a) * b + c);
 }

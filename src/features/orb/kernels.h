@@ -9,57 +9,62 @@ namespace ktgp_orb::orb {
 struct TeblidPlacement;
 struct TeblidScale;
 
-/// Bytes past the end of a row that the kernels may read and write.
+/// Number of bytes after the end of a row that the kernels may read and write.
 constexpr int kVectorSlack = 64;
 
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
-/// Side of a keypoint's patch on its pyramid level, in px; also the size of keypoints on level 0.
+/// Side of a keypoint's patch on its pyramid level, in px. The keypoints of level 0 have this size,
+/// too.
 constexpr int kPatchSize = 2 * kOrientationRadius + 1;
 /// Radius of the blur before the descriptor, in px.
 constexpr int kBlurRadius = 3;
 /// Largest offset, in x or y, of a pixel in the rotated sampling pattern, in px.
 constexpr int kPatternRadius = 18;
-/// Keypoints stay this far from the border of their pyramid level, in px.
+/// Minimum distance of keypoints from the border of their pyramid level, in px.
 constexpr int kEdgeMargin = kPatchSize;
 
 /// Number of target pixels that are interpolated at once.
 constexpr int kResizeBlock = 8;
 
-/// Source pixels of kResizeBlock neighbouring target pixels: first the left source pixel of each,
-/// then the right source pixel of each. The two weights of a target pixel add up to 256.
+/// Source pixels of kResizeBlock neighbouring target pixels: first the left source pixels of all
+/// target pixels, then the right source pixels. The two weights of a target pixel add up to 256.
 struct ResizeBlock {
   std::int32_t start;                   ///< first source pixel of the block
-  std::uint8_t taps[2 * kResizeBlock];  ///< source pixels, counted from `start`
+  std::uint8_t taps[2 * kResizeBlock];  ///< positions of the source pixels, counted from `start`
   std::uint16_t weights[2 * kResizeBlock];
 };
 
-/// The pixel loops of ORB, one set of functions per instruction set. All sets give the same bits.
+/// The pixel loops of ORB, one set of functions per instruction set. All sets give bit-identical
+/// results.
 ///
-/// A `pixel` pointer points to the centre pixel; `stride` is the distance of rows in bytes.
+/// A `pixel` pointer points to the centre pixel; `stride` is the distance between two rows in
+/// bytes.
 struct OrbKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
   /// Linear interpolation along a row into `count` blocks of values in units of 1/256. The taps
-  /// must be 0..15 (any in plain C++), and 16 bytes from each start on must be readable.
+  /// must be 0..15 (in plain C++ they may be larger), and 16 bytes from the start of each block on
+  /// must be readable.
   void (*resize_row)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
                      std::uint16_t* out);
   /// Interpolates between two rows of resize_row, with the weight `weight`/256 for the row below,
-  /// and rounds to the nearest integer, half up. May read 64 values beyond and write 64 bytes
-  /// beyond out[count - 1].
+  /// and rounds to the nearest integer, half up. May read 64 values beyond the end of a row and
+  /// write 64 bytes beyond out[count - 1].
   void (*mix_rows)(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
                    std::uint8_t* out);
 
   /// FAST-9 scores (Rosten & Drummond, ECCV 2006) of `count` pixels of a row: the largest threshold
-  /// at which a pixel is still a corner, or 0 if that is below `threshold` (1..255). Reads the
-  /// pixels within a radius of three; may read 64 bytes past the row and write 64 past scores[count
-  /// - 1].
+  /// at which a pixel is still a corner, or 0 if this value is below `threshold` (1..255). Reads
+  /// the pixels within a radius of three; may read 64 bytes after the end of the row and write 64
+  /// bytes after scores[count - 1].
   void (*fast_scores)(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int threshold,
                       std::uint8_t* scores);
 
   /// Non-maximum suppression: writes the indices of the scores in `row` that exceed all eight
-  /// neighbours to `maxima`, ascending, and returns their number. The rows have `count` scores and
-  /// must be readable one score before and 64 after; `maxima` has room for `count` + 3.
+  /// neighbours to `maxima`, ascending, and returns their number. The rows have `count` scores; one
+  /// score before them and 64 scores after them must be readable. `maxima` has room for `count` + 3
+  /// indices.
   int (*local_maxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
                       int count, std::int32_t* maxima);
 
@@ -71,11 +76,13 @@ struct OrbKernels {
   std::pair<int, int> (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
 
   /// Gaussian blur along a row of `count` pixels from `pixel` on, with kBlurRadius neighbours on
-  /// each side. May read 80 bytes past the row and write 64 values past out[count - 1]. The order
-  /// within every 64 values depends on the set; blur_across_rows of the same set restores it.
+  /// each side. May read 80 bytes beyond the end of the row and write 64 values beyond out[count -
+  /// 1]. The order of the values within each group of 64 depends on the set of functions;
+  /// blur_across_rows of the same set restores the order.
   void (*blur_along_row)(const std::uint8_t* pixel, int count, float* out);
   /// Gaussian blur across 2 * kBlurRadius + 1 rows of blur_along_row, top row first; rounds to the
-  /// nearest integer. May read 64 values beyond and write 64 bytes beyond out[count - 1].
+  /// nearest integer. May read 64 values beyond the end of a row and write 64 bytes beyond
+  /// out[count - 1].
   void (*blur_across_rows)(const float* const* rows, int count, std::uint8_t* out);
 
   /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, with the sampling
@@ -90,7 +97,7 @@ struct OrbKernels {
                           const TeblidPlacement& placement, std::uint8_t* descriptor);
 };
 
-/// The set in plain C++, which is the reference for the other sets.
+/// The set of functions in plain C++, which is the reference for the other sets.
 const OrbKernels& portableOrbKernels();
 /// The fastest set that this build and this processor support.
 const OrbKernels& bestOrbKernels();

@@ -31,8 +31,8 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const auto block = hn::FirstN(d, 2 * kHarrisRadius + 1);
 
   using V = hn::Vec<decltype(d)>;
-  V change[9];  // right minus left neighbour
-  V smooth[9];  // left + 2 * middle + right
+  V change[9];  // of each row: right neighbour minus left neighbour
+  V smooth[9];  // of each row: left + 2 * middle + right
   for (int i = 0; i < 9; ++i) {
     const std::uint8_t* p = pixel + (i - 4) * stride - kHarrisRadius;
     const auto left = hn::PromoteTo(d, hn::LoadU(d8, p - 1));
@@ -77,7 +77,8 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
       sum_y = sum_y + (below - above) * hn::Set(d, static_cast<std::int16_t>(y));
     }
     const auto first = hn::Set(d, static_cast<std::int16_t>(column - kOrientationRadius));
-    moment_x += dot(sum, hn::Iota(d, 0) + first);  // Iota of a variable is slow
+    // Iota(d, first) would be slow, because `first` is a variable.
+    moment_x += dot(sum, hn::Iota(d, 0) + first);
     moment_y += dot(sum_y, hn::Set(d, 1));
   }
   return {moment_x, moment_y};
@@ -98,7 +99,8 @@ class PatternRotation {
             static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1U)))) {}
 
   // Byte offsets of the pattern's points from point `i` on. The order of the roundings is part of
-  // the definition: first each product, then the sum, then the pixel.
+  // the descriptor's definition: first each product is rounded, then the sum, then the pixel
+  // position.
   HWY_INLINE hn::Vec<Offsets> offsets(int i) const {
     const Coordinates d;
     const auto rounder = hn::Set(d, kRounder);
@@ -113,8 +115,8 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  hn::Vec<Offsets>
-      surplus_;  // the offset that the rounder adds to row * stride + column, modulo 2^32
+  // Value that kRounderBits in row and column add to row * stride + column, modulo 2^32.
+  hn::Vec<Offsets> surplus_;
 };
 
 // Computes the descriptor by reading the pixels one by one.

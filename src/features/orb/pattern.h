@@ -2,7 +2,7 @@
 
 namespace ktgp_orb::orb {
 
-/// Number of pixel pairs compared, one per bit of a descriptor.
+/// Number of pixel pairs that are compared; each pair gives one bit of a descriptor.
 constexpr int kPatternPairs = 256;
 
 /// The sampling pattern of rBRIEF, learned by the authors of ORB (Rublee et al., ICCV 2011, section

@@ -15,13 +15,14 @@ namespace {
 
 using util::ceilDivide;
 
-// Descriptors do not read the blurred image closer to the border than this, px.
+// Width of the border of the blurred image that no descriptor reads, px.
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
-constexpr int kBandRows = 64;  // rows of a task, if there are several threads
+constexpr int kBandRows = 64;  // rows that one task processes if there are several threads
 constexpr int kKeypointsPerTask = 64;
 
 // Resizes `descriptors` to one row per keypoint. Reuses the memory if it is large enough and not
-// shared. After a failed allocation a matrix has a size but no memory.
+// shared. `data` is checked, too, because a matrix has a size but no memory after a failed
+// allocation.
 void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
   if (util::isShared(descriptors) || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
       descriptors.cols != kDescriptorBytes) {
@@ -42,7 +43,8 @@ void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernel
               cv::Mat& scratch, cv::Mat& blurred) {
   constexpr int kBlurredRows = 2 * kBlurRadius + 1;
   const int columns = image.cols - 2 * kBlurMargin;
-  // Rows start on cache lines, 16 values each: a load across two lines takes twice as long.
+  // Every row starts on a cache line, which holds 16 values, because a load across two lines takes
+  // twice as long.
   const int pitch = ceilDivide(columns + kVectorSlack, 16) * 16;
   // After a failed allocation a matrix has a size but no memory.
   if (scratch.cols < pitch || scratch.data == nullptr) scratch.create(kBlurredRows, pitch, CV_32F);
@@ -80,8 +82,8 @@ bool OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   if (pyramid_.used() == 0) return false;
   if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
-  // The image and the larger levels are ready, so threads can start on them while one thread
-  // computes the smaller levels.
+  // The image and the larger levels are complete already, so the other threads can start on them
+  // while one thread computes the smaller levels.
   const int ready = levels_[std::min(options_.first_level, pyramid_.used() - 1)].last_band;
   pool_.parallelFor(2 + ready, [&](int i) {
     if (i == 0) {
@@ -134,7 +136,8 @@ void OrbPipeline::detectAndBlur(Band& band) {
   const cv::Mat& image = pyramid_.levels()[band.level].image;
   band.corners.clear();
   const bool ranked = options_.distribution == KeypointDistribution::ranked;
-  constexpr int kWeaker = 2;  // divisor of the threshold where there are too few corners
+  // Divisor of the FAST threshold; finds more corners in parts that have few.
+  constexpr int kWeaker = 2;
   const int threshold =
       ranked ? options_.fast_threshold : std::max(1, options_.fast_threshold / kWeaker);
   const int first = std::max(band.first_row, kEdgeMargin);
@@ -142,7 +145,7 @@ void OrbPipeline::detectAndBlur(Band& band) {
   if (first < last) {
     fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
   }
-  if (teblid_) return;  // box means need no blur
+  if (teblid_) return;  // TEBLID compares box means, which need no blur
   blurRows(image, band.first_row, band.last_row, kernels_, band.blurred_rows,
            levels_[band.level].blurred);
 }
@@ -162,7 +165,8 @@ void OrbPipeline::chooseRanked() {
     collectCorners(level);
     const PyramidLevel& source = pyramid_.levels()[level];
     std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
-    // The FAST score is inaccurate, so it only preselects twice as many corners as wanted.
+    // The FAST score is an inaccurate measure. So we use it only to preselect twice the wanted
+    // number of corners.
     cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
     for (cv::KeyPoint& keypoint : keypoints) {
       keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);

@@ -22,12 +22,13 @@ class OrbPipeline {
 
   const OrbOptions& options() const { return options_; }
 
-  /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet. False if no
-  /// level has room for a patch.
+  /// Extracts the features. `image` and `mask` are valid (see OrbExtractor); `features` has no
+  /// keypoints yet. Returns false if no pyramid level is large enough for a patch.
   bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
-  /// Rows of one level that one task processes through FAST and blur, and the buffers of that task.
+  /// Rows of one pyramid level in which one task finds corners and which it blurs, with the buffers
+  /// of the task.
   struct Band {
     int level = 0;
     int first_row = 0;
@@ -38,7 +39,7 @@ class OrbPipeline {
   };
   struct Level {
     cv::Mat blurred;
-    std::vector<cv::KeyPoint> keypoints;  ///< in px of the level
+    std::vector<cv::KeyPoint> keypoints;  ///< positions in px of the level
     int first_band = 0;
     int last_band = 0;
   };
@@ -58,7 +59,7 @@ class OrbPipeline {
   OrbPyramid pyramid_;
   std::optional<TeblidDescriber> teblid_;  // empty if the descriptors are rBRIEF
   std::vector<Level> levels_;
-  std::vector<Band> bands_;  // level by level, and from the top within a level
+  std::vector<Band> bands_;  // sorted by level, and from top to bottom within a level
   UniformChoice uniform_choice_;
 };
 

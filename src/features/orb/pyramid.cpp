@@ -13,10 +13,11 @@ namespace {
 
 using util::ceilDivide;
 
-constexpr int kReach = 16;  // source pixels that a narrow block loads
+constexpr int kReach = 16;  // number of source pixels that a narrow block loads
 
-// Returns the first of the two source pixels and the weight of the second, in 1/256. Pixel centres
-// are at half-integers; beyond the last centre, the edge pixel is repeated.
+// Returns the index of the first of the two source pixels, and the weight of the second in units of
+// 1/256. Pixel centres are at half-integers. Outside the outermost centres, the edge pixel is
+// repeated.
 std::pair<int, int> tapAt(int i, int source, int target) {
   const double scale = 1.0 / (static_cast<double>(target) / source);
   const double position = scale * (i + 0.5) - 0.5;
@@ -26,7 +27,7 @@ std::pair<int, int> tapAt(int i, int source, int target) {
   return {first, cvRound((position - first) * 256)};
 }
 
-// Rounds half to even, as for all scaled lengths here.
+// Divides a length by `scale`. Halves are rounded to even numbers, as in all levels of the pyramid.
 int scaled(int length, float scale) {
   return cvRound(length * (1.f / scale));
 }
@@ -81,7 +82,7 @@ int ResizeAxis::secondWeight(int i) const {
 
 const std::uint16_t* Shrinker::resizedRow(const cv::Mat& source, int row,
                                           const OrbKernels& kernels) {
-  const int slot = row % 2;  // the two rows in use are neighbours
+  const int slot = row % 2;  // the two rows in use are neighbours, so they have different slots
   if (buffered_row_[slot] != row) {
     const auto& resize = columns_.narrow ? kernels.resize_row : portableOrbKernels().resize_row;
     resize(source.ptr<std::uint8_t>(row), columns_.blocks.data(),

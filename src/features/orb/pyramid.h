@@ -8,8 +8,8 @@
 
 namespace ktgp_orb::orb {
 
-/// Source pixels and weights for shrinking a row by linear interpolation, in the fixed point of
-/// OpenCV's INTER_LINEAR_EXACT: weights are multiples of 1/256.
+/// Source pixels and weights for shrinking a row by linear interpolation. The weights are multiples
+/// of 1/256, as in the fixed-point arithmetic of OpenCV's INTER_LINEAR_EXACT.
 struct ResizeAxis {
   ResizeAxis() = default;
   /// `source`, `target`: sizes in px, 1 <= target <= source.
@@ -17,8 +17,8 @@ struct ResizeAxis {
 
   int source = 0;
   int target = 0;
-  std::vector<ResizeBlock>
-      blocks;  ///< kResizeBlock target pixels each; the last block is padded with its last pixel
+  /// Each block has kResizeBlock target pixels; the last block is padded with its last pixel.
+  std::vector<ResizeBlock> blocks;
   bool narrow = false;  ///< whether every block reads at most 16 neighbouring source pixels
 
   /// The two source pixels of target pixel i, and the weight of the second one, 0..256.
@@ -31,7 +31,8 @@ struct ResizeAxis {
 /// Keeps the interpolation weights from image to image.
 class Shrinker {
  public:
-  /// `target` is not wider or higher than `source`; its buffer is reused if it has the right size.
+  /// `size` is not wider or higher than `source`. The buffer of `target` is reused if it has the
+  /// right size.
   void shrink(const cv::Mat& source, const cv::Size& size, const OrbKernels& kernels,
               cv::Mat& target);
 
@@ -41,7 +42,7 @@ class Shrinker {
   ResizeAxis columns_;
   ResizeAxis rows_;
   std::vector<std::uint16_t> buffers_[2];
-  int buffered_row_[2] = {-1, -1};  // source rows in the buffers
+  int buffered_row_[2] = {-1, -1};  // numbers of the source rows in the two buffers, or -1
 };
 
 struct PyramidLevel {
@@ -49,10 +50,11 @@ struct PyramidLevel {
   cv::Mat image;           ///< 8-bit grey; one level is the caller's image itself
   cv::Mat mask;            ///< 8-bit, non-zero where keypoints may lie; empty: everywhere
   float scale = 1.f;       ///< size of the caller's image divided by the size of this level
-  int features_quota = 0;  ///< keypoints wanted from this level
+  int features_quota = 0;  ///< number of keypoints wanted from this level
 };
 
-/// Number of features per level, in proportion to its side length; the last level gets the rest.
+/// Number of features of each level, in proportion to the side length of the level. The last level
+/// gets the rest.
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
 
 /// The image pyramid. Buffers are kept from image to image.
@@ -61,26 +63,27 @@ class OrbPyramid {
   OrbPyramid(int features, double scale_factor, int levels, int first_level);
 
   /// Sets `first_level` (without a copy), computes the larger levels from it, and sets the sizes of
-  /// the smaller levels. Levels too small for a keypoint are at the end and not used.
+  /// the smaller levels. Levels that are too small for a keypoint are at the end of the list and
+  /// are not used.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
   /// Computes the levels after `first_level`, each from the previous one.
   void shrink(const OrbKernels& kernels);
 
-  /// Reuses the memory of `images` for the computed levels unless it is shared. Never overwrites
-  /// images that were handed out before.
+  /// Reuses the memory of `images` for the computed levels, unless another matrix shares this
+  /// memory. So images that were handed out before are never overwritten.
   void takeBuffers(std::vector<cv::Mat>& images);
   /// Sets `images` to the caller's image (copied if `copy_first`) and the smaller levels in use,
   /// which are not copied.
   void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }
-  /// Levels that can hold keypoints in this image.
+  /// Number of levels that are large enough for keypoints.
   int used() const { return used_; }
 
  private:
   std::vector<PyramidLevel> levels_;
-  std::vector<Shrinker> shrinkers_;  // shrinker i makes level i + 1 from level i
-  int first_level_;                  // index in levels_ of the level of the caller's image
+  std::vector<Shrinker> shrinkers_;  // shrinker i computes level i + 1 from level i
+  int first_level_;                  // index in levels_ of the level that is the caller's image
   int used_ = 0;
 };
 

@@ -12,7 +12,7 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // One shuffle of 16 source pixels moves the left neighbours of eight target pixels into the lower
-// half of the register and the right ones into the upper half.
+// half of the register, and the right neighbours into the upper half.
 void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, std::uint16_t* out) {
   const hn::FixedTag<std::uint8_t, 16> d8;
   const hn::FixedTag<std::uint16_t, 8> d16;
@@ -29,11 +29,12 @@ void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, st
   }
 }
 
-// The products have 24 bits. One multiplication gives their upper 16 bits. A second one gives the
-// lower 8 (in the upper half of a lane); only their carry matters.
+// The products have 24 bits. One multiplication gives their upper 16 bits. A second multiplication
+// gives the lower 8 bits (in the upper half of a lane), of which only the carry matters.
 void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
              std::uint8_t* out) {
-  // If only one row counts, it is interpolated with itself, so that both weights fit into 8 bits.
+  // If one of the weights is 0, the other row is interpolated with itself, so that both weights fit
+  // into 8 bits.
   if (weight == 0) below = above;
   if (weight == 256) above = below;
   if (above == below) weight = 1;

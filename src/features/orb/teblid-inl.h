@@ -11,7 +11,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// The operations and their roundings have the order of the definition; see placed() in teblid.cpp.
+// The order of the operations and their roundings is part of the descriptor's definition; see
+// placed() in teblid.cpp.
 HWY_INLINE void placeCentres(const TeblidPlacement& placement, std::int32_t stride,
                              std::int32_t* HWY_RESTRICT centres) {
   const hn::ScalableTag<float> d;

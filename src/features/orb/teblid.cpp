@@ -8,8 +8,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Rounds to the nearest pixel, halves up, by truncating v + 0.5. Values far outside any image and
-// NaN give a pixel far outside.
+// Rounds to the nearest pixel by truncating v + 0.5, so that halves are rounded up. NaN, and values
+// far outside any image, give a pixel far outside.
 int toPixel(float v) {
   constexpr float kFar = 1e8f;
   v += 0.5f;
@@ -17,7 +17,7 @@ int toPixel(float v) {
   return static_cast<int>(std::min(v, kFar));
 }
 
-// The part of a box along one axis that is within an image of `size`; at least one pixel.
+// The pixels of a box along one axis that are inside an image of `size` px, but at least one pixel.
 cv::Range rangeInImage(int centre, int radius, int size) {
   return {std::clamp(centre - radius, 0, size - 1), std::clamp(centre + radius + 1, 1, size)};
 }
@@ -25,7 +25,8 @@ cv::Range rangeInImage(int centre, int radius, int size) {
 std::int32_t boxSum(const cv::Mat& integral, const cv::Range& columns, const cv::Range& rows) {
   const auto* top = integral.ptr<std::uint32_t>(rows.start);
   const auto* bottom = integral.ptr<std::uint32_t>(rows.end);
-  // The sums are unsigned, because they may overflow; their differences are still right.
+  // The sums are unsigned, because they may overflow; the differences of the sums are right
+  // nevertheless.
   return static_cast<std::int32_t>(top[columns.start] + bottom[columns.end] - top[columns.end] -
                                    bottom[columns.start]);
 }
@@ -62,7 +63,8 @@ TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row)
     area[radius] = side * side;
   }
   for (int bit = 0; bit < kTeblidBits; ++bit) {
-    // On the highest levels boxes may exceed any image; keypoints do not reach these levels then.
+    // On the highest levels, a box may be larger than any image; then no keypoint is found on these
+    // levels.
     constexpr float kMost = 1 << 30;
     const float difference =
         std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);
@@ -81,7 +83,7 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
     const int radius = std::max(0, toPixel(placement.scale * kTeblidTable.radius[i]));
     const float threshold = kTeblidTable.threshold[i];
     bool bit;
-    if (inside) {  // both boxes have equally many pixels, so sums suffice
+    if (inside) {  // both boxes have the same number of pixels, so we compare sums, not means
       const int area = (2 * radius + 1) * (2 * radius + 1);
       bit =
           static_cast<float>(boxSum(integral, first, radius) - boxSum(integral, second, radius)) <=

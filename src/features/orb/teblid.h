@@ -14,16 +14,17 @@ namespace ktgp_orb::orb {
 /// byte. The patch of 32 px is scaled to the keypoint's size and rotated by its angle (degrees;
 /// negative: not rotated).
 ///
-/// Works for any keypoint. A box that leaves the image is clipped, and its mean is over the part
-/// inside, or over the nearest pixels if no part is inside. The authors' program (OpenCV's
+/// Works for any keypoint. If a box leaves the image, its mean is taken over the part inside the
+/// image, or over the nearest pixels if no part is inside. The authors' program (OpenCV's
 /// xfeatures2d, scale factor 1) gives the same bits.
 ///
 /// This plain C++ function is the reference for TeblidDescriber.
 void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
                     std::uint8_t* descriptor);
 
-/// Computes the TEBLID descriptors of the keypoints of many images. They equal describeTeblid to
-/// the last bit. Keypoints far from the border with the size of their octave are fast.
+/// Computes the TEBLID descriptors of the keypoints of many images. The descriptors equal the
+/// output of describeTeblid to the last bit. Keypoints that are far from the border and have the
+/// size of their octave are processed fast.
 class TeblidDescriber {
  public:
   /// `sizes`: size of the keypoints of each octave, px.
@@ -38,7 +39,8 @@ class TeblidDescriber {
   std::vector<float> sizes_;
   const OrbKernels* kernels_;
   cv::Mat integral_;
-  std::vector<TeblidScale> scales_;  // one per octave; valid only for the row length of integral_
+  // One for each octave; valid only for the row length of integral_.
+  std::vector<TeblidScale> scales_;
 };
 
 }  // namespace ktgp_orb::orb

@@ -10,21 +10,22 @@
 
 namespace ktgp_orb::orb {
 
-/// Largest radius of the table's boxes, in px of the patch; the smallest is 1.
+/// Largest radius of the table's boxes, in px of the patch; the smallest radius is 1.
 constexpr int kTeblidRadii = 7;
 
-/// Rounds to the nearest pixel, halves up: the authors' program truncates v + 0.5.
+/// Is added before truncation, so that halves are rounded up to the next pixel, as in the authors'
+/// program.
 constexpr float kTeblidHalf = 0.5f;
 
 /// TEBLID's bits, ordered by the radius of their boxes, so that consecutive boxes mostly have the
 /// same offsets from the centre to the corners.
 struct TeblidOrder {
-  /// Box centres in px of the patch: first the first boxes of all pairs, then the second boxes.
+  /// Box centres in px of the patch: the first boxes of all pairs, followed by the second boxes.
   alignas(64) float u[2 * kTeblidBits];
   alignas(64) float v[2 * kTeblidBits];
   /// Position of each bit in the descriptor: 8 * byte + bit, counted from the lowest bit.
   std::uint8_t place[kTeblidBits];
-  /// Index after the last pair of radius r.
+  /// Index after the last pair of boxes with radius r.
   std::int16_t end[kTeblidRadii + 1];
 };
 
@@ -73,8 +74,8 @@ struct TeblidPlacement {
   float y_from_u, y_from_v, y;
 };
 
-/// Whether all boxes of a keypoint are safely inside the image: the farthest corner is at most 0.7
-/// * size from the keypoint, and rounding adds up to 2 px.
+/// Whether all boxes of a keypoint are surely inside the image. The farthest corner of a box is at
+/// most 0.7 * size from the keypoint, and rounding adds up to 2 px to this distance.
 inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
   constexpr float kMargin = 1.75f / 2;
   constexpr float kLeastSize = 16.f;
@@ -84,7 +85,7 @@ inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image)
          keypoint.pt.y >= margin && keypoint.pt.y + margin < static_cast<float>(image.height);
 }
 
-/// The values that the boxes of all keypoints of one size share.
+/// Values that are the same for all keypoints of one size.
 struct TeblidScale {
   /// `keypoint_size` in px; `stride`: values in a row of the integral image.
   TeblidScale(float keypoint_size, int stride);
@@ -92,20 +93,22 @@ struct TeblidScale {
   float keypoint_size;
   int stride;
   /// Offsets in the integral image from the centre pixel of a box to its corners (upper left, upper
-  /// right, lower left, lower right), by radius in the table.
+  /// right, lower left, lower right). The index is the radius in the table.
   std::array<std::ptrdiff_t, 4> corners[kTeblidRadii + 1];
-  /// A bit is set if the difference of its two sums is less than this; by position in the
-  /// descriptor.
+  /// A bit is set if the difference of the sums of its two boxes is less than this bound. The index
+  /// is the position of the bit in the descriptor.
   std::int32_t bound[kTeblidBits];
 };
 
-/// Computes the differences of the sums of each pair of boxes, by position in the descriptor.
-/// `centres`: centres of the boxes in kTeblidOrder, as indices of the integral image.
+/// Computes for each pair of boxes the difference of their sums, and writes it to the position of
+/// the pair's bit in the descriptor. `centres`: centres of the boxes in the order of kTeblidOrder,
+/// as indices of the integral image.
 inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale,
                          const std::int32_t* centres, std::int32_t* differences) {
   int i = 0;
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
-    // One pointer per corner, so that a read is a single instruction: base plus centre.
+    // There is one pointer for each corner, so that a value is read by a single instruction from
+    // pointer plus centre.
     const std::array<std::ptrdiff_t, 4> at = scale.corners[radius];
     const std::uint32_t* const top_left = integral + at[0];
     const std::uint32_t* const top_right = integral + at[1];

@@ -11,9 +11,10 @@ constexpr int kTeblidPatch = 32;
 /// The comparisons of TEBLID-256, learned by its authors (Suarez, Buenaposada & Baumela,
 /// "Revisiting Binary Local Image Description for Resource Limited Devices", IEEE RA-L 6(4), 2021;
 /// there called BAD): bit i is set if the mean of the box at first(i) minus the mean of the box at
-/// second(i) is at most threshold[i]. Centres in px of the patch; boxes of side 2 * radius + 1.
+/// second(i) is at most threshold[i]. The centres are in px of the patch, and a box has sides of 2
+/// * radius + 1 px.
 ///
-/// The numbers are those of OpenCV's contributed modules (xfeatures2d/src/teblid.p256.hpp),
+/// The numbers are copied from OpenCV's contributed modules (xfeatures2d/src/teblid.p256.hpp),
 /// Copyright the OpenCV team and I. Suarez, Apache License 2.0 (LICENSE.Apache-2.0).
 struct TeblidTable {
   std::uint8_t first_x[kTeblidBits];

@@ -8,7 +8,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Orders by higher response; for equal responses, the upper and then the left keypoint comes first.
+// Sorts keypoints by response, the highest first. If responses are equal, the upper and then the
+// left keypoint comes first.
 bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   if (a.response != b.response) return a.response > b.response;
   if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
@@ -52,7 +53,8 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
 }
 
 void UniformChoice::share(int levels) {
-  // Start with the poorest cell: if it has fewer corners than its share, the others share the rest.
+  // The cell with the fewest corners is served first. If it has fewer corners than its share, the
+  // other cells share the rest.
   sizes_.clear();
   for (int i = 0; i < levels; ++i) {
     const Level& level = levels_[i];
@@ -68,7 +70,7 @@ void UniformChoice::share(int levels) {
     left -= size;
     --cells;
   }
-  // If no richer cells are left, every cell keeps all its corners.
+  // If no cell has more corners than its share, every cell keeps all its corners.
   const std::int64_t share = cells > 0 ? left / cells : features_;
   const std::int64_t rest = cells > 0 ? left % cells : 0;
   std::int64_t richer = 0;
@@ -78,7 +80,8 @@ void UniformChoice::share(int levels) {
       const int size = level.sizeOf(cell);
       level.kept[cell] = static_cast<int>(std::min<std::int64_t>(size, share));
       if (size <= share) continue;
-      // The remainder goes one by one to richer cells, spread evenly as in Bresenham's line.
+      // The remainder is given, one corner each, to evenly spaced cells among the richer cells, as
+      // in Bresenham's line algorithm.
       if ((richer + 1) * rest / cells > richer * rest / cells) ++level.kept[cell];
       ++richer;
     }
@@ -89,7 +92,7 @@ void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbK
                                std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
   level.sorted.clear();
-  // Keeps the best `most` corners of a bucket, or all if there are fewer, and returns their number.
+  // Keeps the best corners of a bucket, at most `most`, and returns the number of corners kept.
   const auto keep = [&](std::size_t bucket, int most) {
     const auto first = corners.begin() + level.corners.begin(bucket);
     const auto end = corners.begin() + level.corners.end(bucket);

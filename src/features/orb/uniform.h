@@ -9,16 +9,17 @@
 namespace ktgp_orb::orb {
 
 /// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints
-/// each. (The side of a CellGrid's cells is given in px, so it does not fit here.)
+/// each. (A CellGrid cannot be used here, because the side of its cells is given in px.)
 struct LevelCells {
-  /// `level`: size in px, larger than twice kEdgeMargin; `quota`: keypoints wanted from it.
+  /// `level`: size of the level in px, larger than twice kEdgeMargin; `quota`: number of keypoints
+  /// wanted from the level.
   LevelCells(const cv::Size& level, int quota, int keypoints_per_cell);
 
   int count() const { return columns * rows; }
   /// Index of the cell, row by row. `point` must be at least kEdgeMargin px from the border.
   int cellOf(const cv::Point2f& point) const;
 
-  int width;  ///< size of the area in which keypoints may lie, px
+  int width;  ///< width and height of the area in which keypoints may lie, px
   int height;
   int columns;
   int rows;
@@ -26,18 +27,19 @@ struct LevelCells {
 
 /// Chooses keypoints so that every part of the image has an equal share.
 ///
-/// The number of cells of a pyramid level is in proportion to the keypoints wanted from it, so that
-/// all cells of all levels have the same share. If a cell has fewer corners than its share, the
-/// others get the rest. Within a cell the corners above the full FAST threshold come first, and in
-/// each group the corners with the highest Harris response.
+/// The number of cells of a pyramid level is in proportion to the number of keypoints wanted from
+/// the level, so that all cells of all levels have the same share. If a cell has fewer corners than
+/// its share, the other cells share the rest. Within a cell, corners above the full FAST threshold
+/// come before the other corners, and both groups are sorted by Harris response.
 class UniformChoice {
  public:
-  /// `features`: keypoints to keep in total; corners of at least `strong_score` come first in their
-  /// cell.
+  /// `features`: number of keypoints to keep in total. In each cell, corners with a FAST score of
+  /// at least `strong_score` come first.
   UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels);
 
   /// Sorts the corners of a level (response: FAST score) by cell. `size`: size of the level in px.
-  /// `quota`: keypoints wanted from it. May be called for different levels from different threads.
+  /// `quota`: number of keypoints wanted from the level. May be called for different levels from
+  /// different threads.
   void sortIntoCells(int level, const cv::Size& size, int quota,
                      std::vector<cv::KeyPoint>& corners);
   /// Decides how many corners each cell keeps, after the levels 0 .. levels - 1 were sorted.
@@ -49,8 +51,10 @@ class UniformChoice {
 
  private:
   struct Level {
-    util::Buckets corners;  ///< bucket 2 * cell has the strong corners, 2 * cell + 1 the weak ones
-    std::vector<int> kept;  ///< corners to keep of each cell; cells row by row
+    /// Bucket 2 * cell has the strong corners, bucket 2 * cell + 1 the weak corners.
+    util::Buckets corners;
+    /// Number of corners to keep in each cell; the cells are ordered row by row.
+    std::vector<int> kept;
     std::vector<cv::KeyPoint> sorted;
 
     /// Number of corners of a cell.
@@ -63,7 +67,7 @@ class UniformChoice {
   int keypoints_per_cell_;
   float strong_score_;
   std::vector<Level> levels_;
-  std::vector<int> sizes_;  ///< sizes of all cells, ascending
+  std::vector<int> sizes_;  ///< numbers of corners of all cells, ascending
 };
 
 }  // namespace ktgp_orb::orb

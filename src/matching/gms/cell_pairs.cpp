@@ -5,7 +5,7 @@
 namespace ktgp_orb::gms {
 namespace {
 
-/// Bit k of the result is bit (k - m) mod 8 of `ring`, so the ring is rotated by m places.
+/// Rotates the ring by m places: bit k of the result is bit (k - m) mod 8 of `ring`.
 unsigned turned(unsigned ring, unsigned m) {
   return ((ring << m) | (ring >> (kRing - m))) & 0xffu;
 }
@@ -18,7 +18,8 @@ void CellPairs::count(const Grid& target, const Grid& reference,
                       const std::vector<std::uint32_t>& target_cells) {
   target_ = &target;
   reference_ = &reference;
-  // Matches come sorted by reference cell. The sort by target cell keeps this order in each cell.
+  // The matches are already sorted by reference cell. Sorting them by target cell keeps this order
+  // within each target cell.
   const std::uint32_t on_grid = reference_order.begin(reference.noCell());
   target_order_.sort(on_grid, target.cells + 1,
                      [&](std::size_t i) { return target_cells[reference_order.order()[i]]; });
@@ -38,7 +39,8 @@ void CellPairs::count(const Grid& target, const Grid& reference,
   pairs_.push_back({reference.noCell(), target_order_.begin(target.noCell())});
 }
 
-/// The pair with the most matches; the first such pair if several have equally many.
+/// Returns the cell pair of the target cell with the most matches; the first such pair if several
+/// have equally many.
 std::uint32_t CellPairs::bestOf(std::uint32_t target_cell) const {
   std::uint32_t best = first_pair_[target_cell];
   for (std::uint32_t pair = best + 1; pair < first_pair_[target_cell + 1]; ++pair) {
@@ -52,14 +54,16 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   std::array<std::uint32_t, kRing> scores;
   scores.fill(countOf(best));
   for (unsigned k = 0; k < kRing; ++k) {
-    // With rotation m, neighbour k of the target cell corresponds to reference neighbour k - m.
+    // If the rotation is m, neighbour k of the target cell corresponds to neighbour k - m of the
+    // reference cell.
     std::array<std::uint32_t, kRing> corresponding;
     for (unsigned m = 0; m < kRing; ++m) {
       corresponding[m] = pairs_[best].reference + reference_->ring[(k - m) % kRing];
     }
     const std::uint32_t neighbour = target_cell + target_->ring[k];
     for (std::uint32_t i = first_pair_[neighbour]; i < first_pair_[neighbour + 1]; ++i) {
-      // Counts for all rotations, even if only one is wanted: eight fixed lanes give vector code.
+      // Counts for all rotations, even if only one is wanted, because the compiler turns eight
+      // fixed lanes into vector code.
       const std::uint32_t r = pairs_[i].reference;
       const std::uint32_t count = countOf(i);
       for (unsigned m = 0; m < kRing; ++m) scores[m] += r == corresponding[m] ? count : 0;
@@ -83,7 +87,8 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   return supported;
 }
 
-/// Mean number of matches of the cell and of the neighbours whose bit is set.
+/// Mean number of matches in the target cell and in those of its neighbours whose bit in
+/// `neighbours` is set.
 double CellPairs::meanMatches(std::uint32_t target_cell, unsigned neighbours) const {
   std::uint32_t matches = target_order_.end(target_cell) - target_order_.begin(target_cell);
   int cells = 1;

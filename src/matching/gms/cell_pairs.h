@@ -8,13 +8,13 @@
 
 namespace ktgp_orb::gms {
 
-/// Number of neighbours of a cell, which are counted clockwise from the top left one. So rotating
-/// the neighbourhood by m times 45 degrees shifts this ring by m.
+/// Number of neighbours of a cell. They are numbered clockwise from the top left neighbour, so
+/// rotating the neighbourhood by m times 45 degrees shifts the numbers by m.
 constexpr unsigned kRing = 8;
 
 /// The cells of an image with a frame of one cell around them, numbered row by row. Because of the
-/// frame every cell has all eight neighbours. This is not a CellGrid, because GMS asks for
-/// neighbours of cells, not for points near a position.
+/// frame every cell of the image has all eight neighbours. This is not a CellGrid, because GMS asks
+/// for neighbours of cells, not for points near a position.
 struct Grid {
   Grid(int grid_columns, int grid_rows)
       : columns(grid_columns),
@@ -24,11 +24,12 @@ struct Grid {
         ring{0 - stride - 1, 0 - stride, 0 - stride + 1, 1,
              stride + 1,     stride,     stride - 1,     0 - 1u} {}
 
-  /// The number that means "in no cell".
+  /// The cell number that means "in no cell".
   std::uint32_t noCell() const { return cells; }
 
-  /// The cell at a position, in cells from the corner of the image. It is noCell() beyond the grid,
-  /// above the first row, left of the first column, and for NaN.
+  /// The cell at a position. The unit of x and y is the size of a cell, and the origin is the
+  /// corner of the image. Returns noCell() for NaN, for positions beyond the grid, and for
+  /// positions above `first_row` or left of `first_column`.
   std::uint32_t cellAt(double x, double y, int first_column = 0, int first_row = 0) const {
     const bool inside = x >= first_column && x < columns && y >= first_row && y < rows;
     if (!inside) return noCell();
@@ -50,34 +51,38 @@ struct Grid {
   int columns;
   int rows;
   std::uint32_t stride;
-  std::uint32_t cells;                    ///< including the frame
-  std::array<std::uint32_t, kRing> ring;  ///< what to add to a cell for each neighbour, mod 2^32
+  std::uint32_t cells;  ///< number of cells, including the frame
+  /// The number of neighbour k is the number of the cell + ring[k], mod 2^32.
+  std::array<std::uint32_t, kRing> ring;
 };
 
-/// The votes for each match: bit m is set if the cell pair of the match has support with the
+/// The votes for each match. Bit m is set if the cell pair of the match has support with the
 /// neighbourhood rotated by m times 45 degrees. Votes of the shifted grids are combined by "or".
 using Votes = std::vector<std::uint16_t>;
-constexpr unsigned kInBestPair = 1u << kRing;  ///< the match is in the best pair of its target cell
-constexpr unsigned kOnGrid = kInBestPair << 1;  ///< both keypoints of the match are in cells
+/// The match is in the best cell pair of its target cell.
+constexpr unsigned kInBestPair = 1u << kRing;
+/// Both keypoints of the match are in cells of the grids.
+constexpr unsigned kOnGrid = kInBestPair << 1;
 
 /// Motion statistics of one target grid and one reference grid. The matches are sorted by their
 /// pair of cells, because in a table of all pairs nearly all entries would be empty.
 class CellPairs {
  public:
-  /// `reference_order`: the matches sorted by reference cell; the last bucket is for those in no
-  /// cell. `reference_cells`, `target_cells`: cell of each match.
+  /// Counts the matches of each pair of cells. `reference_order`: the matches sorted by reference
+  /// cell; the last bucket is for matches whose reference keypoint is in no cell.
+  /// `reference_cells`, `target_cells`: cell of each match.
   void count(const Grid& target, const Grid& reference, const util::Buckets& reference_order,
              const std::vector<std::uint32_t>& reference_cells,
              const std::vector<std::uint32_t>& target_cells);
 
-  /// Adds the verdict on the best pair of each target cell to the votes of the matches in the pair,
-  /// for the first `rotations` rotations. `threshold`: T_G.
+  /// Decides on the best pair of each target cell, and adds the result to the votes of the matches
+  /// in this pair. Only the first `rotations` rotations are tried. `threshold`: T_G.
   void vote(double threshold, unsigned rotations, Votes& votes) const;
 
  private:
   struct Pair {
     std::uint32_t reference;  ///< reference cell of the pair
-    std::uint32_t begin;      ///< matches of the pair: matches_[begin .. begin of the next pair)
+    std::uint32_t begin;      ///< the pair's matches are matches_[begin .. begin of the next pair)
   };
 
   std::uint32_t countOf(std::uint32_t pair) const {
@@ -91,9 +96,11 @@ class CellPairs {
   const Grid* target_ = nullptr;
   const Grid* reference_ = nullptr;
   util::Buckets target_order_;
-  std::vector<std::uint32_t> matches_;     ///< sorted by target cell, then by reference cell
-  std::vector<Pair> pairs_;                ///< sorted like the matches; an end follows
-  std::vector<std::uint32_t> first_pair_;  ///< first pair of each target cell, then the end
+  /// Indices of the matches, sorted by target cell, then by reference cell.
+  std::vector<std::uint32_t> matches_;
+  std::vector<Pair> pairs_;  ///< pairs of cells, sorted like the matches; an end marker follows
+  /// Index of the first pair of each target cell, then the end.
+  std::vector<std::uint32_t> first_pair_;
 };
 
 }  // namespace ktgp_orb::gms

@@ -16,15 +16,17 @@ using util::requireInRange;
 
 using gms::Grid;
 
-// The order of the authors; the first of two scales that keep equally many matches wins.
+// The scales are in the order of the authors' program, since the first of two scales that keep
+// equally many matches wins.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
 }
 
-/// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
-/// authors' program: rounding decides the cell of a keypoint on a line of the grid.
+/// The position of the keypoint if the image is scaled to [0, 1) x [0, 1). It is computed in single
+/// precision as in the authors' program, because rounding decides the cell of a keypoint on a line
+/// of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
   const cv::Point2f& p = util::imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
@@ -36,10 +38,10 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// A match is in one cell of each of the four shifted target grids, and in one reference cell. The
-// match survives if in one of the grids its pair of cells is the best of its target cell (most
-// matches lead there) and has support from the pairs around it. The rotation and scale that keep
-// the most matches win.
+// Each match is in one cell of each of the four shifted target grids, and in one reference cell. A
+// match survives if in one of the grids its cell pair fulfils two conditions: it is the best pair
+// of the target cell (has the most matches), and the pairs around it support it. The rotation and
+// scale that keep the most matches win.
 
 /// A match that takes part in the votes.
 struct Match {
@@ -51,7 +53,7 @@ bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
 
-/// What the filter does when it is switched off: all matches pass.
+/// The result if the filter is switched off: all matches pass.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -79,19 +81,20 @@ struct GmsFilter::Impl {
 
   GmsOptions options;
   Grid target_grid{0, 0};
-  std::vector<Grid> reference_grids;  ///< in the order of kScales
+  std::vector<Grid> reference_grids;  ///< reference grid for each scale of kScales
 
   std::vector<Match> matches;
-  std::array<std::vector<std::uint32_t>, 4> target_cells;  ///< by shift, for each match
+  /// For each of the four shifts, the target cell of each match.
+  std::array<std::vector<std::uint32_t>, 4> target_cells;
   std::size_t outside = 0;  ///< number of correspondences outside the target image
 
-  // At the current scale, for each match:
-  std::vector<std::uint32_t> reference_cells;  ///< reference cell
+  // These refer to the current scale.
+  std::vector<std::uint32_t> reference_cells;  ///< reference cell of each match
   util::Buckets reference_order;
   gms::CellPairs pairs;
-  gms::Votes votes;  ///< votes of the grids
+  gms::Votes votes;  ///< votes for each match from the four shifted grids
 
-  // The best rotation and scale so far.
+  // The best rotation and scale so far, and the number of matches that they keep.
   std::size_t most_kept = 0;
   unsigned best_rotation = 0;
   std::size_t best_scale = 0;
@@ -106,8 +109,8 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
   }
 }
 
-/// If the options leave the grid open, sets it by the number of matches: on average a cell has as
-/// many matches as in the paper's 20 x 20 grid with 1000 matches.
+/// If the options do not set the size of the grid, derives it from the number of matches: on
+/// average a cell has as many matches as in the paper's 20 x 20 grid with 1000 matches.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
   constexpr double kMatchesPerCell = 2.5;
@@ -136,7 +139,8 @@ void GmsFilter::Impl::takeIn(const Features& reference, const Features& target,
     }
     matches.push_back({static_cast<std::uint32_t>(i), normalised(reference, c.reference_index)});
     for (int shift = 0; shift < 4; ++shift) {
-      // The first column and row of a shifted grid are half outside the image and do not count.
+      // Half of the first column and of the first row of a shifted grid is outside the image, so
+      // matches there do not count.
       const int right = shift % 2;
       const int down = shift / 2;
       target_cells[static_cast<std::size_t>(shift)].push_back(

@@ -28,13 +28,14 @@ struct GuidedMatcher::Impl {
 
   GuidedOptions options;
   knn::KnnKernel kernel = knn::bestKnnKernel();
-  std::vector<cv::Point2f> places;       // predicted positions of the reference's keypoints
-  knn::NearTable table;                  // the places, sorted for the search
-  std::vector<knn::NearKeys> of_target;  // keys of the nearest two, for each target keypoint
-  // For each column of the table, the key of the nearest target keypoint.
+  std::vector<cv::Point2f> places;  // predicted positions of the reference's keypoints
+  knn::NearTable table;             // predicted positions, sorted into cells for the search
+  // Keys of the two most similar reference keypoints, for each target keypoint.
+  std::vector<knn::NearKeys> of_target;
+  // Key of the most similar target keypoint, for each column of the table.
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
-  std::vector<Eigen::Vector2d> reference_points;  // point of each match in the reference
+  std::vector<Eigen::Vector2d> reference_points;  // reference position of each match
   std::vector<Eigen::Vector2d> target_points;
 };
 
@@ -131,7 +132,7 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
     return homography::keepsPlaneInView(homography::facing(answer.homography), corners);
   };
   if (shows_all(estimate) && !shows_all(candidate)) return false;
-  const std::size_t share = by_cell ? 2 : 1;  // one in this many supporters must remain
+  const std::size_t share = by_cell ? 2 : 1;  // at least one in this many supporters must remain
   if (share * supporters(candidate.homography, threshold) <
       supporters(estimate.homography, threshold)) {
     return false;

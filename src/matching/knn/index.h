@@ -7,13 +7,14 @@
 
 namespace ktgp_orb::knn {
 
-/// Memory aligned to the widest vector.
+/// A block of memory that is aligned for the widest vector.
 struct alignas(64) CacheLine {
   std::uint8_t bytes[64];
 };
 
-/// Collects the query nearest to each candidate, which is the other direction of the search, from
-/// the chunks of queries of one thread. At equal distances the lower query wins.
+/// Collects the nearest query of each candidate, which is the other direction of the search. The
+/// queries come in chunks, and each thread has its own collection. At equal distances the query
+/// with the lower number wins.
 class NearestQueries {
  public:
   /// Resets all candidates to "no query". `candidates` is a multiple of 32.
@@ -21,13 +22,13 @@ class NearestQueries {
 
   /// The keys of the current chunk (see kernel.h), one per candidate.
   std::int16_t* keys() { return reinterpret_cast<std::int16_t*>(keys_.front().bytes); }
-  /// Collects the keys of the chunk whose first query is `first_query`, and clears them. The chunks
-  /// of a thread come in ascending order.
+  /// Takes in the keys of the chunk whose first query is `first_query`, and clears them. A thread
+  /// must process its chunks in ascending order.
   void takeChunk(int first_query);
   /// Merges the result of another thread.
   void take(const NearestQueries& other);
 
-  /// The query nearest to the candidate; -1: there is none.
+  /// The query nearest to the candidate; -1 if there is none.
   int query(int candidate) const { return query_[static_cast<std::size_t>(candidate)]; }
 
  private:
@@ -36,10 +37,10 @@ class NearestQueries {
   std::vector<std::int32_t> query_;
 };
 
-/// The descriptors of a reference in the layout of kernel.h, to search the whole image.
+/// The descriptors of a reference in the layout of kernel.h, for the search in the whole image.
 class KnnIndex {
  public:
-  /// `lanes`: KnnKernel::lanes.
+  /// `lanes`: see KnnKernel::lanes.
   explicit KnnIndex(int lanes) : lanes_(lanes) {}
 
   /// `reference`: descriptors, not empty.

@@ -1,5 +1,6 @@
-// The inner loops in plain C++, the reference for the vector kernels. The loops of the search in
-// the whole image run over the lanes of a row, so that compilers can vectorise them.
+// The inner loops of the search in plain C++, which serve as the reference for the vector kernels.
+// The loops of the search in the whole image run over the lanes of a row, so that compilers can
+// vectorise them.
 #include "matching/knn/kernel.h"
 
 #include <algorithm>
@@ -13,7 +14,8 @@ constexpr int kLanes = 32;
 constexpr std::ptrdiff_t kRowBytes = std::ptrdiff_t{2} * kLanes;
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
-/// A row of a group: each word has two bytes, one of each half.
+/// A row of a group. Each word has two bytes: one for the first half of the group and one for the
+/// second.
 using Row = std::array<std::uint16_t, kLanes>;
 
 Row load(const std::uint8_t* row) {
@@ -22,14 +24,15 @@ Row load(const std::uint8_t* row) {
   return words;
 }
 
-/// Counts the bits of each of the two bytes: sums neighbouring bits, then pairs, then nibbles.
+/// Counts the bits of each of the two bytes: adds neighbouring bits, then neighbouring pairs of
+/// bits, then neighbouring nibbles.
 std::uint16_t countBitsOfBytes(std::uint16_t v) {
   v = static_cast<std::uint16_t>(v - ((v >> 1) & 0x5555));
   v = static_cast<std::uint16_t>((v & 0x3333) + ((v >> 2) & 0x3333));
   return static_cast<std::uint16_t>((v + (v >> 4)) & 0x0f0f);
 }
 
-/// Sums of the distances in kRowsPerSum rows from `first` on.
+/// Sum of the distances over kRowsPerSum rows, beginning with row `first`.
 Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor) {
   Row sum{};
   for (int b = first; b < first + kRowsPerSum; ++b) {
@@ -52,7 +55,7 @@ void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
   }
 }
 
-/// The other direction: updates the nearest query of every candidate.
+/// The other direction of the search: updates the nearest query of every candidate.
 void addQuery(const Row& distance, int query, std::int16_t* nearest_queries) {
   for (int i = 0; i < kLanes; ++i) {
     const auto key = static_cast<std::int16_t>((distance[i] << kKeyNumberBits) | query);
@@ -96,9 +99,9 @@ void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, 
   }
 }
 
-// The search near predicted positions.
+// Below are the functions for the search near predicted positions.
 
-/// Bits set in each byte of `v`.
+/// Number of bits set in each byte of `v`.
 std::uint32_t byteCounts(std::uint32_t v) {
   v -= (v >> 1) & 0x55555555U;
   v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);
@@ -107,7 +110,7 @@ std::uint32_t byteCounts(std::uint32_t v) {
 
 std::int32_t distanceTo(const std::uint32_t* query, const std::uint32_t* words,
                         std::ptrdiff_t stride) {
-  std::uint32_t sums = 0;  // each byte sums eight counts of at most 8
+  std::uint32_t sums = 0;  // each byte sums the counts of eight bytes, at most 8 each
   for (int w = 0; w < kDescriptorWords; ++w) sums += byteCounts(query[w] ^ words[w * stride]);
   sums = (sums & 0x00ff00ffU) + ((sums >> 8) & 0x00ff00ffU);
   return static_cast<std::int32_t>((sums & 0xffffU) + (sums >> 16));

@@ -17,7 +17,7 @@ struct KnnMatcher::Impl {
 
   const KnnOptions options;
   knn::KnnSearch search;
-  std::optional<knn::NearSearch> near;  // only with a search radius
+  std::optional<knn::NearSearch> near;  // empty if no search radius is given
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) {

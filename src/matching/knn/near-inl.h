@@ -24,10 +24,12 @@ using Words = hn::Vec<decltype(kWords)>;
 constexpr std::uint32_t kLanes =
     HWY_LANES(std::int32_t) < kMaxNearLanes ? HWY_LANES(std::int32_t) : kMaxNearLanes;
 
-/// Distances between the query and the candidates from `words` on.
+/// Hamming distances between the query and a vector of candidates whose descriptors begin at
+/// `words`.
 HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
                            const std::uint32_t* HWY_RESTRICT words, std::ptrdiff_t stride) {
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // an instruction counts the bits of a word
+// These processors have an instruction that counts the bits of a word.
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
   Words sum = hn::Zero(kWords);
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
@@ -35,7 +37,7 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
   }
   return sum;
 #else
-  auto bytes = hn::Zero(kBytes);  // each byte sums eight counts of at most 8
+  auto bytes = hn::Zero(kBytes);  // each byte sums the counts of eight bytes, at most 8 each
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
     bytes = hn::Add(bytes, hn::PopulationCount(hn::BitCast(kBytes, hn::Xor(row, query[w]))));
@@ -48,10 +50,10 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
 #endif
 }
 
-/// Reduces the keys of all lanes to the best two.
+/// Reduces the keys of all lanes to the best two keys.
 HWY_INLINE NearKeys reduce(Keys best, Keys second) {
   const Keys smallest = hn::MinOfLanes(kKeys, best);
-  // All keys differ, except kNoNearKey.
+  // All keys differ, except kNoNearKey, so the smallest key is in one lane only.
   const Keys others = hn::IfThenElse(hn::Eq(best, smallest), second, best);
   return {hn::GetLane(smallest), hn::GetLane(hn::MinOfLanes(kKeys, others))};
 }

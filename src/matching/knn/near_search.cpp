@@ -21,14 +21,17 @@ namespace {
 using util::ceilDivide;
 using util::ThreadPool;
 
-constexpr std::size_t kMaxRuns = 8;  // a query touches fewer rows of cells; rounding may add one
+// Maximum number of runs. A query touches fewer rows of cells, and rounding may add one row.
+constexpr std::size_t kMaxRuns = 8;
 
-constexpr int kQueriesPerChunk = 64;  // per task of a thread
-constexpr double kCellsPerRadius =
-    2;  // smaller cells give fewer useless candidates, larger cells longer runs
+constexpr int kQueriesPerChunk = 64;  // number of queries per task of a thread
+// Ratio of the radius to the side of a cell. Smaller cells give fewer useless candidates, but
+// larger cells give longer runs.
+constexpr double kCellsPerRadius = 2;
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
 
-/// Homography from target to reference, with positive depth where the target shows the plane.
+/// Inverts the prediction: returns the homography from target to reference, with positive depth for
+/// the part of the target that shows the plane.
 Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction) {
   const Eigen::Matrix3d inverse = prediction.inverse();
   if (!prediction.allFinite() || !inverse.allFinite()) {
@@ -79,15 +82,17 @@ void NearTable::layOut(const Features& features) {
 NearKeys NearTable::search(const KnnKernel& kernel, const std::uint8_t* descriptor,
                            const cv::Point2f& place, double radius, std::int32_t number,
                            std::int32_t* nearest_queries) const {
-  // The reach is slightly above the radius, so that rounding excludes no candidate that passes the
-  // test in single precision.
+  // The reach is slightly larger than the radius, so that rounding does not exclude a candidate
+  // that passes the test in single precision.
   const double reach = radius + 1e-3 + 1e-6 * (std::abs(place.x) + std::abs(place.y));
   std::array<NearRun, kMaxRuns> runs;
   std::size_t run_count = 0;
   cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
     if (begin == end) return;
     if (run_count == kMaxRuns) {
-      runs.back().end = end;  // the kernel excludes the candidates in between, which are too far
+      // Extends the run over the gap; the kernel excludes the candidates in the gap, which are too
+      // far.
+      runs.back().end = end;
     } else {
       runs[run_count++] = {begin, end};
     }
@@ -147,7 +152,8 @@ void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& pre
   for (std::size_t i = 0; i < target.size(); ++i) {
     const cv::Point2f& p = target.keypoints[i].pt;
     const Eigen::Vector3d u = h * Eigen::Vector3d(p.x, p.y, 1.0);
-    // Beyond the horizon a keypoint has no position: it gets NaN, which is never within a radius.
+    // A keypoint beyond the horizon has no predicted position. It gets NaN, which is never within a
+    // radius.
     const bool seen = u.z() > 0.0;
     places_[i].x = seen ? static_cast<float>(u.x() / u.z()) : std::nanf("");
     places_[i].y = seen ? static_cast<float>(u.y() / u.z()) : std::nanf("");

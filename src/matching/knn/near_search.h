@@ -16,18 +16,20 @@
 
 namespace ktgp_orb::knn {
 
-/// Throws std::invalid_argument naming `name` if there are more keypoints than the keys of
-/// kernel.h can number.
+/// Throws std::invalid_argument, with `name` in the message, if there are more keypoints than the
+/// keys of kernel.h can number.
 void requireCountable(const Features& features, const std::string& name);
 
 constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
 
-/// The candidates of the search near predicted positions: descriptors sorted by position, so that
-/// the candidates of a query form few runs, in the layout of the kernels. Keeps its buffers.
+/// The candidates of the search near predicted positions, in the layout of the kernels. Descriptors
+/// are sorted by position, so that the candidates of a query form only a few runs. Keeps its
+/// buffers.
 class NearTable {
  public:
-  /// `place(i)`: position of keypoint i, px; positions that are not finite are never near. `image`,
-  /// `side`: see CellGrid::build; choose `side` between half the search radius and the radius.
+  /// `place(i)`: position of keypoint i, px; a keypoint whose position is not finite is never near.
+  /// `image`, `side`: see CellGrid::build; `side` should be between half the search radius and the
+  /// radius.
   template <typename Place>
   void build(const Features& features, const Place& place, const cv::Size& image, double side) {
     cells_.build(features.size(), place, image, side);
@@ -40,8 +42,9 @@ class NearTable {
   }
   std::size_t size() const { return position_.size(); }
 
-  /// The best two candidates within `radius` px of `place` for query `number`. `nearest_queries` is
-  /// null, or has columns() keys, which are kNoNearKey at first (see KnnKernel).
+  /// The best two candidates within `radius` px of `place` for the query with this `number`.
+  /// `nearest_queries` is null, or has columns() keys, which are initially kNoNearKey (see
+  /// KnnKernel).
   NearKeys search(const KnnKernel& kernel, const std::uint8_t* descriptor, const cv::Point2f& place,
                   double radius, std::int32_t number, std::int32_t* nearest_queries) const;
 
@@ -55,20 +58,20 @@ class NearTable {
   void layOut(const Features& features);
 
   util::CellGrid cells_;
-  std::size_t stride_ = 0;  // size(), plus the lanes that kernels may read past it
+  std::size_t stride_ = 0;  // size() plus the number of entries that kernels may read past the end
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
   std::vector<float> y_;
-  std::vector<std::int32_t> index_;     // keypoint of each column
+  std::vector<std::int32_t> index_;     // index of the keypoint in each column
   std::vector<std::int32_t> position_;  // the column of each keypoint
 };
 
 /// The search of KnnMatcher::matchNear with a given kernel, so that tests and benchmarks can try
-/// each kernel. Reference and target are sorted into cells. So the candidates of a query form few
-/// runs, and are still in the cache from the previous query.
+/// each kernel. Both reference and target are sorted into cells. So the candidates of a query form
+/// few runs, and are still in the cache from the previous query.
 class NearSearch {
  public:
-  /// `radius`: px, > 0. `pool` must outlive this.
+  /// `radius`: px, > 0. `pool` must outlive this object.
   NearSearch(const KnnKernel& kernel, double radius, util::ThreadPool& pool);
 
   /// See KnnMatcher::matchNear.
@@ -84,13 +87,13 @@ class NearSearch {
   KnnKernel kernel_;
   double radius_;
   util::ThreadPool& pool_;
-  // The reference's keypoints by position.
+  // The keypoints of the reference, sorted by predicted position.
   NearTable table_;
-  // The target's keypoints by position.
+  // The keypoints of the target, sorted by position.
   util::CellGrid query_cells_;
-  std::vector<cv::Point2f> places_;  // predicted positions of the keypoints
+  std::vector<cv::Point2f> places_;  // predicted positions of the keypoints of the target
   std::vector<std::vector<std::int32_t>>
-      nearest_queries_;  // nearest query of each candidate, for each thread
+      nearest_queries_;  // for each thread, the key of the nearest query of each candidate
 };
 
 }  // namespace ktgp_orb::knn

@@ -27,7 +27,7 @@ constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 // AVX-512 with BITALG, and Arm, have an instruction that counts the bits of each byte.
 #if HWY_TARGET <= HWY_AVX3_DL || HWY_ARCH_ARM
 
-/// One target descriptor; each of its bytes is repeated across a row.
+/// The descriptor of a query. Each of its bytes is repeated across a row.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -36,7 +36,8 @@ class Query {
     }
   }
 
-  /// Distances between byte `b` of the query and the same byte of the candidates, in `row`.
+  /// Number of bits that differ between byte `b` of the query and byte `b` of the candidates, which
+  /// is in `row`.
   Bytes distance(int b, Bytes row) const {
     return hn::PopulationCount(hn::Xor(row, hn::Load(kBytes, rows_[b])));
   }
@@ -47,8 +48,9 @@ class Query {
 
 #else
 
-/// One target descriptor. Bits are counted with tables of sixteen entries in a register: entry i of
-/// the table for a nibble n is the number of bits set in i ^ n, so it includes the exclusive or.
+/// The descriptor of a query. The bits are counted by look-up in a table of sixteen entries, which
+/// fits in a register. For a nibble n of the query, entry i of the table is the number of bits set
+/// in i ^ n, so the look-up includes the exclusive or.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -65,7 +67,8 @@ class Query {
     }
   }
 
-  /// Distances between byte `b` of the query and the same byte of the candidates, in `row`.
+  /// Number of bits that differ between byte `b` of the query and byte `b` of the candidates, which
+  /// is in `row`.
   Bytes distance(int b, Bytes row) const {
     const Bytes nibble = hn::Set(kBytes, 15);
     const Bytes low = hn::And(row, nibble);
@@ -82,7 +85,7 @@ class Query {
 
 #endif
 
-/// Sums of the distances in kRowsPerSum rows from `first` on, for every query.
+/// Sum of the distances over kRowsPerSum rows, beginning with row `first`, for every query.
 HWY_INLINE void sumRows(const std::uint8_t* group, int first, const Query* queries, Bytes* sums) {
   for (int q = 0; q < kQueriesPerPass; ++q) sums[q] = hn::Zero(kBytes);
   HWY_UNROLL(4)
@@ -107,7 +110,8 @@ struct BestTwo {
   }
 };
 
-/// Updates the best two of the queries with the distances of one half group, one row per query.
+/// Updates the best two keys of each query with the distances of one half group. `distances` has
+/// one row per query.
 HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, BestTwo* best_two) {
   const Words number = hn::Load(kWords, reinterpret_cast<const std::uint16_t*>(number_row));
   for (int q = 0; q < kQueriesPerPass; ++q) {
@@ -116,7 +120,7 @@ HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, 
   }
 }
 
-/// The other direction: updates the nearest query of each candidate.
+/// The other direction of the search: updates the nearest query of each candidate.
 HWY_INLINE void addQueries(const Words* distances, int first_number,
                            std::int16_t* HWY_RESTRICT nearest_queries) {
   Keys nearest = hn::Load(kKeys, nearest_queries);

@@ -10,12 +10,12 @@
 namespace ktgp_orb::knn {
 namespace {
 
-// Queries per task of a thread: enough to read a block from the cache many times, and few enough to
-// divide a frame evenly.
+// Number of queries per task of a thread. It is large enough to read a block from the cache many
+// times, and small enough to divide a frame evenly among the threads.
 constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 
-constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above every distance
+constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // larger than every distance
 
 std::int16_t minimum(const std::int16_t* keys, int lanes) {
   std::int16_t smallest = kNoKey;
@@ -23,8 +23,8 @@ std::int16_t minimum(const std::int16_t* keys, int lanes) {
   return smallest;
 }
 
-/// Merges the lanes of one block into the best two so far. Blocks are merged in the order of their
-/// candidates, so for equal distances the existing entry has the lower index.
+/// Merges the lanes of one block into the best two candidates so far. Blocks are merged in the
+/// order of their candidates, so at equal distances the existing candidate has the lower index.
 void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
   const std::int16_t nearest = minimum(keys.best, lanes);
   const int distance = nearest >> kKeyNumberBits;
@@ -33,7 +33,8 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
     c.second_distance = distance;
     return;
   }
-  // Equal keys belong to candidates of one half group; the first lane has the lowest index.
+  // Candidates with equal keys are in one half group, and the first of their lanes has the
+  // candidate with the lowest index.
   const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
   keys.best[lane] = keys.second[lane];
   c.second_distance = std::min(c.distance, minimum(keys.best, lanes) >> kKeyNumberBits);
@@ -106,7 +107,7 @@ void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* co
   }
   if (index_.candidates() > 1) return;
   for (int t = first; t < end; ++t)
-    correspondences[t].second_distance = 0;  // there is no second neighbour
+    correspondences[t].second_distance = 0;  // a single candidate has no second neighbour
 }
 
 }  // namespace ktgp_orb::knn

@@ -16,21 +16,22 @@ class KnnSearch {
   /// `threads`: see KnnOptions.
   KnnSearch(const KnnKernel& kernel, int threads);
 
-  /// See KnnMatcher::match and, with `mutual`, KnnMatcher::matchMutual.
+  /// See KnnMatcher::match or, if `mutual` is set, KnnMatcher::matchMutual.
   void match(const cv::Mat& reference, const cv::Mat& target, bool mutual,
              std::vector<Correspondence>& correspondences);
 
   util::ThreadPool& pool() { return pool_; }
 
  private:
-  /// Searches the targets of one chunk, in both directions if `nearest_queries` is not null.
+  /// Searches the nearest neighbours of the queries of one chunk; in both directions if
+  /// `nearest_queries` is not null.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);
 
   KnnKernel kernel_;
   util::ThreadPool pool_;
-  KnnIndex index_;                               // layout of the reference
-  std::vector<NearestQueries> nearest_queries_;  // one for each thread
+  KnnIndex index_;                               // descriptors of the reference
+  std::vector<NearestQueries> nearest_queries_;  // nearest query of each candidate, for each thread
 };
 
 }  // namespace ktgp_orb::knn
