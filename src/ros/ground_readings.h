@@ -104,4 +104,7 @@ class GroundReadings {
 
 /// The rolling shutter that the pictures show, as text; empty: nothing certain.
 std::string shutterReport(const GroundEstimate& estimate);
+/// How the pictures contradict the parameter readout_time, as text; empty: they do not.
+std::string shutterTrouble(const GroundEstimate& estimate, double readout_time);
+
 }  // namespace ktgp_orb
