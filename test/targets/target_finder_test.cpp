@@ -470,6 +470,28 @@ TEST(TargetFinder, SignsWithOneHalfAreSixTargets) {
       const cv::Mat& picture = sign.images[0];
       const cv::Mat image = test::inFrontOf(test::drawnPicture(kFrame, 1000), picture,
                                             test::homographyOf(p, picture.size()));
+cv::Mat smallFace(int side, std::uint64_t seed) {
+  cv::Mat face;
+  cv::resize(test::drawnPicture({300, 300}, seed), face, {side, side}, 0, 0, cv::INTER_AREA);
+  return face;
+}
+
+/// In their own size, such pictures have too few keypoints to be found again.
+TEST(TargetFinder, TheSameSmallFaceIsOneTarget) {
+  for (const int side : {60, 80, 110, 150}) {
+    for (const std::uint64_t seed : {5U, 6U, 7U}) {
+      const cv::Mat face = smallFace(side, seed);
+      TargetFinder finder;
+      finder.add(test::targetOf("first", face));
+      expectRefused(finder, test::targetOf("again", face), "shows the same as target \"first\"");
+      cv::Mat larger;
+      cv::resize(face, larger, {}, 1.2, 1.2, cv::INTER_CUBIC);
+      expectRefused(finder, test::targetOf("larger", larger), "shows the same as target \"first\"");
+      EXPECT_EQ(reasonOf(finder, test::targetOf("other", smallFace(side, seed + 20))), "") << side;
+    }
+  }
+}
+
       ++shown;
       for (const DetectedTarget& one : finder.findAlone(image).detections) {
         if (one.status != Status::ok) continue;
