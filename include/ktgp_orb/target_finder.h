@@ -67,8 +67,12 @@ struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
   /// ok; or model_rejected: another target, with more or similar support, is at the same place or
-  /// around the part of this target that was found. Only one of the two can be there.
+  /// around the part of this target that was found. Only one of the two can be there. Or it is
+  /// `uncertain`.
   Status status = Status::ok;
+  /// The target was found, but so little of it, or so badly, that a corner has a standard deviation
+  /// of more than 5 px. It is not followed, and has no number of its own.
+  bool uncertain = false;
   std::size_t image = 0;  ///< the image of the target that was found
   cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width

@@ -168,6 +168,7 @@ struct TargetFinder::Impl {
   void refine(FoundTarget& one);
   void settle(std::size_t begin);
   void publish();
+  void publishUndetermined();
   const TargetFrame& find(Clock::time_point start);
 
   TargetFinderOptions options;
@@ -340,6 +341,7 @@ void TargetFinder::Impl::publish() {
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
+  publishUndetermined();
   std::sort(answer.detections.begin(), answer.detections.end(),
             [](const DetectedTarget& a, const DetectedTarget& b) {
               return a.id != b.id ? a.id < b.id : a.instance < b.instance;
@@ -381,24 +383,40 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   one.pairs = std::move(pairs);
 }
 
-/// Finishes those found from number `begin` on, and drops those that are not determined. Where the
-/// images do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints
-/// together, so that they are worth far fewer than their number: in drawn frames with 4 to 20 px of
-/// blur, the squared errors of the corners were 10 to 140 times what the covariance said.
+/// Finishes those found from number `begin` on; those that are not determined are set apart. Where
+/// the images do not agree anywhere, the frame is blurred, dark or steep. Blur displaces
+/// neighbouring keypoints together, so that they are worth far fewer than their number: in drawn
+/// frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times what the
+/// covariance said, and some were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
-  const auto first = found.begin() + static_cast<std::ptrdiff_t>(begin);
   const bool has_images = !frame->features().images.empty();
-  std::for_each(first, found.end(), [&](FoundTarget& one) {
+  std::size_t kept = begin;
+  for (std::size_t i = begin; i < found.size(); ++i) {
+    FoundTarget& one = found[i];
     refine(one);
     if (has_images && !one.aligned) one.estimate.covariance *= kSharedDisplacement;
-  });
-  found.erase(std::remove_if(first, found.end(),
-                             [&](const FoundTarget& one) {
-                               return !targets::PictureSearch::isDetermined(
-                                   store.picture(one.picture), one);
-                             }),
-              found.end());
+    if (!targets::PictureSearch::isDetermined(store.picture(one.picture), one)) {
+      search.undetermined().push_back(std::move(one));
+      continue;
+    }
+    if (kept != i) found[kept] = std::move(one);
+    ++kept;
+  }
+  found.resize(kept);
+}
+
+/// Says which targets were seen although no place of theirs is determined.
+void TargetFinder::Impl::publishUndetermined() {
+  std::unordered_set<const StoredTarget*> named;
+  for (const FoundTarget& one : found) named.insert(one.target);
+  for (const FoundTarget& one : search.undetermined()) {
+    if (!named.insert(one.target).second) continue;
+    DetectedTarget detection = detectionOf(one, {}, *frame, store);
+    detection.status = Status::model_rejected;
+    detection.uncertain = true;
+    answer.detections.push_back(std::move(detection));
+  }
 }
 
 const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
