@@ -242,6 +242,35 @@ TEST(TargetFinder, SteepBlurredTargetsAreReportedWithTheirCovarianceOrNamed) {
   EXPECT_GE(corners.normalised.within(13.8), 0.95);
 }
 
+/// A camera with a rolling shutter that vibrates: each row is displaced by itself.
+TEST(TargetFinder, CornersUnderVibrationAreWhereTheirCovarianceSays) {
+  constexpr double kPeriod = 120.0;  // rows
+  for (const double amplitude : {0.0, 0.5, 1.5}) {
+    TargetFinder finder = finderOf(6);
+    test::CornerErrors corners;
+    for (int i = 0; i < 24; ++i) {
+      const Shown truth = shown(i % 6, 260.0 + 5 * i, 240.0, 0.02 * i, i % 2 == 0 ? 1.0 : 1.3, i);
+      const cv::Mat image = frameOf({truth}, 700U + static_cast<unsigned>(i));
+      cv::Mat moved(image.size(), CV_8U);
+      for (int y = 0; y < image.rows; ++y) {
+        const double by = amplitude * std::sin(2.0 * CV_PI * (y / kPeriod + 0.13 * i));
+        const cv::Matx23d shift(1.0, 0.0, by, 0.0, 1.0, 0.0);
+        cv::warpAffine(image.row(y), moved.row(y), shift, {image.cols, 1}, cv::INTER_CUBIC,
+                       cv::BORDER_REPLICATE);
+      }
+      moved += sensorNoise(moved.size(), i);
+      const DetectedTarget* one = detectionOf(finder.findAlone(moved), truth.number);
+      if (one != nullptr) corners.add(*one, truth.homography, kPoster);
+    }
+    std::printf("%.1f px: %zu corners, mean square %.1f, within %.3f, %.2f px RMS\n", amplitude,
+                corners.normalised.count(), corners.normalised.mean(),
+                corners.normalised.within(13.8), corners.rms());
+    ASSERT_GE(corners.normalised.count(), 4U * 20U) << amplitude;
+    EXPECT_GE(corners.normalised.within(13.8), 0.97) << amplitude;
+    EXPECT_LT(corners.normalised.mean(), 4.0) << amplitude;
+  }
+}
+
 /// A quarter of the usual camera: 14 px high, and the covariance of what was enlarged is right.
 TEST(TargetFinder, FindsSmallTargetsInSmallFrames) {
   TargetFinder finder = finderOf(3);
