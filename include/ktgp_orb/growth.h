@@ -35,7 +35,8 @@ struct ReferenceView {
 using ReferenceViews = std::vector<ReferenceView>;
 
 /// The simulated views (GrowthOptions::views) without the image itself: 0, 4 or 12. `image`: 8-bit
-/// grey. A smaller view has proportionally fewer features.
+/// grey; one with more than 6.25 megapixels is shown smaller. A smaller view has proportionally
+/// fewer features.
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views);
 
 /// Result of the search. Reused from call to call for its buffers.
