@@ -35,9 +35,9 @@ struct ReferenceView {
 /// reference.
 using ReferenceViews = std::vector<ReferenceView>;
 
-/// Creates the simulated views. The image itself is not among them, so there are 0, 4 or 12 views,
-/// depending on GrowthOptions::views. `image`: 8-bit grey. A smaller view gets proportionally fewer
-/// features.
+/// The simulated views (GrowthOptions::views) without the image itself: 0, 4 or 12. `image`: 8-bit
+/// grey; one with more than 6.25 megapixels is shown smaller. A smaller view has proportionally
+/// fewer features.
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views);
 
 /// Result of HomographyGrowth::find. If you reuse it for the next call, it keeps its buffers.

@@ -47,12 +47,26 @@ struct SequenceOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   ReferenceOptions reference;
+  /// fixed: the views of the reference (GrowthOptions::views) are made in a thread of their own,
+  /// and frames are matched without them until they are ready. Off: the first frame waits for them,
+  /// which takes seconds for a large reference, and results do not depend on time.
+  bool views_in_background = false;
 };
 
-/// Returns `options` with the changes that SequenceMatcher makes: `orb.images` is share with
-/// alignment and none without; growth is off in mode previous, since a video does not need it. Use
-/// the returned options if you extract features elsewhere. (An enlarged fixed reference is
-/// extracted again.)
+/// The simulated views of a fixed reference, see GrowthOptions::views.
+enum class ViewsState : std::uint8_t {
+  none,        ///< there are none: they are not wanted, or no frame has needed them yet
+  being_made,  ///< frames are matched without them
+  ready,
+};
+
+/// The enumerator's own name, e.g. "being_made".
+const char* toString(ViewsState state);
+
+/// `options` as the sequence needs them: `orb.images` is shared with alignment and none without,
+/// and growth is off in mode previous, since a video does not need it. SequenceMatcher applies it.
+/// Use the same options when you extract features elsewhere. (Where a small fixed reference is
+/// enlarged, the features are found again.)
 SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The values equal the REASON_ constants in the messages.
@@ -202,6 +216,8 @@ class SequenceMatcher {
   /// they are extracted at once in fixed mode, and in other modes when a frame first needs them.
   void setFixedReference(const FramePtr& frame);
   FrameConstPtr fixedReference() const;
+  /// As of the last frame.
+  ViewsState viewsState() const;
   /// The next frame becomes the fixed reference; the frame after it is the first to be matched.
   void fixNextFrame();
 

@@ -68,14 +68,16 @@ struct TargetFinderOptions {
 /// A target that was found in a frame.
 struct DetectedTarget {
   std::string id;
-  /// Number of the copy, from 0; an object keeps its number while it is followed.
-  int instance = 0;
-  /// ok or model_rejected. model_rejected means that another target with more or similar support
-  /// was found at the same place, or around the part of this target that was found, although only
-  /// one of the two can be there.
+  int instance = 0;  ///< from 0; the same object keeps its number while it is followed
+  /// ok; or model_rejected: another target, with more or similar support, is at the same place or
+  /// around the part of this target that was found. Only one of the two can be there. Or it is
+  /// `uncertain`.
   Status status = Status::ok;
-  std::size_t image = 0;  ///< index of the target's image that was found
-  cv::Size image_size;    ///< size of the image that was found, px
+  /// The target was found, but so little of it, or so badly, that a corner has a standard deviation
+  /// of more than 5 px. It is not followed, and has no number of its own.
+  bool uncertain = false;
+  std::size_t image = 0;  ///< the image of the target that was found
+  cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
   /// Says in which other pose the target's picture looks the same, such as "turned by 180 degrees".

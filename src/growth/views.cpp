@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "homography/transform.h"
 #include "ktgp_orb/growth.h"
 #include "util/constants.h"
 #include "util/options_check.h"
@@ -163,16 +164,33 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   return view;
 }
 
+/// The image with at most as many pixels as a square of 2500 px, the size at which large targets
+/// are searched, too. A turned one takes less than four times its pixels, so memory and time of a
+/// view have a bound whatever the image.
+cv::Mat withoutExcess(const cv::Mat& image) {
+  constexpr double kMostPixels = 2500.0 * 2500.0;
+  const double scale = std::sqrt(kMostPixels / static_cast<double>(image.total()));
+  if (scale >= 1.0) return image;
+  const cv::Size size(std::max(1, static_cast<int>(scale * image.cols)),
+                      std::max(1, static_cast<int>(scale * image.rows)));
+  cv::Mat small;
+  cv::resize(image, small, size, 0.0, 0.0, cv::INTER_AREA);
+  return small;
+}
+
 }  // namespace
 
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views) {
   util::requireInRange("views", views, 0, 13);
   ReferenceViews made;
   if (image.empty()) return made;
+  const cv::Mat small = withoutExcess(image);
   for (const auto& [tilt, directions] : kTilts) {
     if (1 + static_cast<int>(made.size()) + directions > views) break;
     for (int d = 0; d < directions; ++d) {
-      made.push_back(simulate(image, options, util::kPi * d / directions, tilt));
+      made.push_back(simulate(small, options, util::kPi * d / directions, tilt));
+      ReferenceView& view = made.back();
+      view.to_view = view.to_view * homography::resizing(image.size(), small.size());
     }
   }
   return made;

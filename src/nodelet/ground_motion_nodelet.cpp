@@ -154,6 +154,7 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
   diagnosis_.setValue("rotation, deviations off", number(estimate.turn_misfit));
   diagnosis_.setValue("homography, deviations off", number(estimate.homography_misfit));
   diagnosis_.setValue("shutter, as the pictures show it", shutterReport(estimate));
+  diagnosis_.setProblem("shutter", shutterTrouble(estimate, config_.readout_time));
   diagnosis_.setValue("readout time of the shutter (s)", number(estimate.readout_time));
   diagnosis_.setValue("readout time, deviation (s)", number(estimate.readout_deviation));
   diagnosis_.setValue("Imu, as the pictures show it", estimate.imu ? describe(*estimate.imu) : "");

@@ -38,7 +38,9 @@ void setAll(const Value& value, const std::tuple<Options&...>& options) {
 /// The options of the core, set from the parameters.
 SequenceOptions optionsFrom(const Parameters& p) {
   SequenceOptions options;
-  auto& [orb, matcher, reference] = options;
+  OrbOptions& orb = options.orb;
+  MatcherOptions& matcher = options.matcher;
+  ReferenceOptions& reference = options.reference;
 #define KTGP_ROW(name, value, ...) setAll(p.name, std::tie(__VA_ARGS__));
 #include "parameters/each_row.def"
 #include "parameters/table.def"

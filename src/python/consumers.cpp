@@ -101,7 +101,10 @@ void defineDetectedTarget(py::module& module) {
       .def_readonly("instance", &PosedTarget::instance, "From 0; of several copies in an image.")
       .def_property_readonly(
           "status", [](const PosedTarget& d) { return toString(d.status); },
-          "\"ok\", or \"model_rejected\": another target explains the place better.")
+          "\"ok\", or \"model_rejected\": another target explains the place better, or it is "
+          "uncertain.")
+      .def_readonly("uncertain", &PosedTarget::uncertain,
+                    "It was found, but a corner has a standard deviation of more than 5 px.")
       .def_property_readonly(
           "corners",
           [](const PosedTarget& d) {

@@ -462,4 +462,20 @@ std::string shutterReport(const GroundEstimate& estimate) {
                                                     "degrees): readout_time is below 0");
 }
 
+std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
+  // A given time counts with a deviation of a tenth of it, which holds the estimate back. Beyond
+  // three of these deviations the pictures have outweighed it.
+  constexpr double kShare = 0.3;
+  constexpr double kCertain = 5.0;  // deviations of the estimate
+  if (readout_time == -1.0) return "";
+  const double misfit = std::abs(estimate.readout_time - readout_time);
+  const double least =
+      std::max(kShare * std::abs(readout_time), kCertain * estimate.readout_deviation);
+  if (!(misfit > least)) return "";
+  return util::format(
+      "readout_time is %.1f ms, but the pictures show %.1f ms or further from it: it is below 0 "
+      "where the driver turns the images by 180 degrees; set -1 if you do not know it",
+      1e3 * readout_time, 1e3 * estimate.readout_time);
+}
+
 }  // namespace ktgp_orb

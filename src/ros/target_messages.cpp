@@ -19,6 +19,7 @@ TargetDetection messageOf(const DetectedTarget& target) {
   message.id = target.id;
   message.instance = target.instance;
   message.status = static_cast<std::uint8_t>(target.status);
+  message.uncertain = static_cast<std::uint8_t>(target.uncertain);
   message.image = static_cast<std::uint32_t>(target.image);
   message.image_width = static_cast<std::uint32_t>(target.image_size.width);
   message.image_height = static_cast<std::uint32_t>(target.image_size.height);

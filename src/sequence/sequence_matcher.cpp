@@ -9,6 +9,7 @@
 #include "sequence/frames.h"
 #include "sequence/motion_predictor.h"
 #include "sequence/reference_keeper.h"
+#include "sequence/reference_views.h"
 #include "sequence/repeats.h"
 #include "util/milliseconds.h"
 #include "util/names.h"
@@ -156,8 +157,7 @@ struct SequenceMatcher::Impl {
   sequence::TrackNumbers tracks;
   sequence::Repeats repeats;
   sequence::FramePool pool;
-  ReferenceViews views;
-  FramePtr viewed;  // the frame from which `views` were simulated
+  sequence::ReferenceViewsMaker views;
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
@@ -176,7 +176,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   KtgpMatcher new_matcher(wanted.matcher);
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
-  viewed.reset();
+  views.forget();
   keeper.setOptions(wanted.reference);
   options = wanted;
   has_other_input = true;
@@ -201,12 +201,8 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
                       options.reference.mode == ReferenceMode::fixed && !reference->lens &&
                       !reference->image.empty();
   if (!wanted) return nullptr;
-  if (viewed != reference) {
-    viewed.reset();
-    views = simulateViews(reference->image, orbFor(*reference, reference.get()), growth.views);
-    viewed = reference;
-  }
-  return &views;
+  return views.of(reference, orbFor(*reference, reference.get()), growth.views,
+                  options.views_in_background);
 }
 
 /// Returns `frame` with features found with the options `orb`. Extracts them in place if the frame
@@ -340,7 +336,7 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.accumulated.reset();
   predictor.forget();
   repeats.forget();
-  viewed.reset();
+  views.forget();
   last_motion.reset();
 }
 
@@ -405,6 +401,10 @@ FrameConstPtr SequenceMatcher::fixedReference() const {
   return impl_->keeper.fixed();
 }
 
+ViewsState SequenceMatcher::viewsState() const {
+  return impl_->views.state();
+}
+
 void SequenceMatcher::fixNextFrame() {
   impl_->fix_next_frame = true;
 }
@@ -420,6 +420,10 @@ void SequenceMatcher::reset() {
   impl_->keeper.setFixed(nullptr);
   impl_->fix_next_frame = false;
   impl_->forgetAnswer();
+}
+
+const char* toString(ViewsState state) {
+  return util::nameOf<ViewsState::ready>(state, {"none", "being_made", "ready"});
 }
 
 const char* toString(NoReference reason) {

@@ -34,6 +34,7 @@ void FrameSearch::setFrame(const Features& features, double scale) {
   frames_.clear();
   bits_.clear();
   hits_.clear();
+  undetermined_.clear();
   for (std::size_t i = 0; i < features.size(); ++i) {
     frames_.push_back(growth::frameOf(features.keypoints[i]));
     bits_.push_back(growth::bitsOf(features, i));
@@ -125,11 +126,12 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
       continue;
     }
     search.align(picture, result);
-    if (!PictureSearch::isDetermined(picture, result)) continue;
+    const bool is_determined = PictureSearch::isDetermined(picture, result);
     if (!search.confirm(picture, store_.pictureCount(), result)) continue;
     result.target = &target;
     result.picture = number;
-    return true;
+    if (is_determined) return true;
+    undetermined_.push_back(result);
   }
   return false;
 }

@@ -46,6 +46,9 @@ class FrameSearch {
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
+  /// What was found since setFrame(), but does not determine where its corners are.
+  std::vector<FoundTarget>& undetermined() { return undetermined_; }
+
  private:
   static constexpr int kKeyBits = 13;
   static constexpr int kThoroughKeyBits = 11;  // needs four times as many comparisons as kKeyBits
@@ -69,6 +72,7 @@ class FrameSearch {
   std::vector<IndexHit> hits_;                // result of the look-up in the index
   std::vector<std::vector<IndexHit>> pairs_;  // pairs of each picture of one target
   std::vector<Candidate> candidates_;
+  std::vector<FoundTarget> undetermined_;
   Seeds seeds_;
   std::int32_t most_votes_ = 0;      // most votes of a seed in the last searchWith()
   PictureSearch whole_;              // searches all features

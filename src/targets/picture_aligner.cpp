@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "estimation/sandwich.h"
 #include "growth/map_fit.h"
 #include "homography/transform.h"
 
@@ -78,6 +79,7 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   };
   if (!improve(2.0 * kPatchStep) && !improve(kPatchStep)) return false;
   if (!improve(kPatchStep)) return false;
+  addVibration(of_small);
   estimate = homography::chained(of_small, {to_small});
   pairs.clear();
   const double near = nearOf(of_small.homography);
@@ -145,7 +147,63 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// Fits the homography to the patches of the last call of alignNear().
+/// Sums the errors of the patches over bands of rows. Returns their squares, px², by coordinate.
+Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
+  constexpr double kBand = 16.0;    // px: a period of a motor has some hundred rows
+  constexpr double kLargest = 3.0;  // px; a larger error is another thing
+  bands_.clear();
+  Eigen::Vector2d squares = Eigen::Vector2d::Zero();
+  for (std::size_t i = 0; i < reference_.size(); ++i) {
+    const Eigen::Vector2d error = target_[i] - homography::project(homography, reference_[i]);
+    if (!(error.norm() < kLargest) || !(target_[i].y() >= 0.0)) continue;
+    const auto number = static_cast<std::size_t>(target_[i].y() / kBand);
+    if (number >= bands_.size()) bands_.resize(number + 1);
+    Band& band = bands_[number];
+    const Eigen::Matrix<double, 2, 8> slope =
+        homography::jacobianByEntries(homography, reference_[i]);
+    band.count += 1.0;
+    band.error += error;
+    band.slope += slope;
+    band.information += slope.transpose() * slope;
+    squares += error.cwiseAbs2();
+  }
+  const auto is_empty = [](const Band& band) { return band.count == 0.0; };
+  bands_.erase(std::remove_if(bands_.begin(), bands_.end(), is_empty), bands_.end());
+  return squares;
+}
+
+/// A rolling shutter that vibrates displaces rows together, by more than the noise of their
+/// patches. What the homography follows of that is not seen, so the covariance gets as much for
+/// each band of rows as is left in the mean of a band.
+void PictureAligner::addVibration(UncertainHomography& estimate) {
+  constexpr double kFitted = 3.0;   // bands that a homography follows, in each coordinate
+  constexpr double kOverlap = 4.0;  // patches overlap by half both ways: the noise of a mean
+  const Eigen::Vector2d squares = sumBands(estimate.homography);
+  double count = 0.0;
+  Eigen::Vector2d between = Eigen::Vector2d::Zero();
+  for (const Band& band : bands_) {
+    count += band.count;
+    between += band.error.cwiseAbs2() / band.count;
+  }
+  const auto bands = static_cast<double>(bands_.size());
+  if (!(count > bands)) return;
+  const Eigen::Vector2d noise = (squares - between) / (count - bands);
+  const Eigen::Vector2d excess = (between - kOverlap * bands * noise).cwiseMax(0.0);
+  const Eigen::Vector2d variance = bands / std::max(1.0, bands - kFitted) / count * excess;
+  if (variance.isZero(0.0)) return;
+  Eigen::Matrix<double, 8, 8> spread = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
+  for (const Band& band : bands_) {
+    spread += band.slope.transpose() * variance.asDiagonal() * band.slope;
+    information += band.information;
+  }
+  const Covariance8 unseen = estimation::sandwich(estimation::inverseOf(information), spread);
+  if (!unseen.allFinite()) return;
+  estimate.covariance += unseen;
+  estimate.shared_covariance += unseen;
+}
+
+/// Fits the homography to the patches last aligned.
 bool PictureAligner::refine(UncertainHomography& estimate) {
   constexpr double kMaxError = 3.0;  // px
   return refiner_.refine(reference_, target_, size_,

@@ -41,6 +41,16 @@ class PictureAligner {
   double nearOf(const Eigen::Matrix3d& homography);
   bool isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d& point) const;
   bool refine(UncertainHomography& estimate);
+  Eigen::Vector2d sumBands(const Eigen::Matrix3d& homography);
+  void addVibration(UncertainHomography& estimate);
+
+  /// Rows of the frame that are exposed at about the same time, and the patches in them.
+  struct Band {
+    double count = 0.0;
+    Eigen::Vector2d error = Eigen::Vector2d::Zero();                          // sum, px
+    Eigen::Matrix<double, 2, 8> slope = Eigen::Matrix<double, 2, 8>::Zero();  // sum
+    Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
+  };
 
   alignment::PatchAligner aligner_;
   homography::HomographyRefiner refiner_;
@@ -49,6 +59,7 @@ class PictureAligner {
   cv::Size size_;               // size of the picture without the border
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<double> errors_;  // px
+  std::vector<Band> bands_;
 };
 
 }  // namespace ktgp_orb::targets

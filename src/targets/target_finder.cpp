@@ -42,6 +42,10 @@ bool havePassed(double milliseconds, Clock::time_point since) {
   return std::isfinite(milliseconds) && millisecondsSince(since) >= milliseconds;
 }
 
+bool isSmall(const TargetPicture& picture) {
+  return std::min(picture.image.cols, picture.image.rows) < 2.0 * SearchedFrame::kSmallSide;
+}
+
 void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("features of a target", options.features, 50, 5000);
   util::requireInRange("largest_side", options.largest_side, 64, 4000);
@@ -142,13 +146,16 @@ struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
         frame(std::make_unique<SearchedFrame>(o)),
-        check_extractor(checkOptions(o)),
+        checked(checkOptions(o)),
         store(options),
         search(options, store) {
     requireUsable(o);
   }
 
-  static OrbOptions checkOptions(const TargetFinderOptions& options);
+  static TargetFinderOptions checkOptions(TargetFinderOptions options);
+  Eigen::Matrix3d setChecked(const TargetPicture& picture, bool larger);
+  const StoredTarget* shownIn(const TargetPicture& picture, bool larger,
+                              const StoredTarget* replaced);
   void requireDifferent(const std::string& id, const std::vector<TargetPicture>& pictures,
                         const StoredTarget* replaced);
   void requireOwnFrame(const Target& target, const StoredTarget* replaced) const;
@@ -163,11 +170,12 @@ struct TargetFinder::Impl {
   void refine(FoundTarget& one);
   void settle(std::size_t begin);
   void publish();
+  void publishUndetermined();
   const TargetFrame& find(Clock::time_point start);
 
   TargetFinderOptions options;
   std::unique_ptr<SearchedFrame> frame;
-  OrbExtractor check_extractor;
+  SearchedFrame checked;  // a new picture, in which the known targets are searched
   targets::TargetStore store;
   targets::FrameSearch search;
   Sequence sequence;
@@ -177,37 +185,59 @@ struct TargetFinder::Impl {
   TargetFrame answer;
 };
 
-OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) {
-  OrbOptions orb = options.orb;
-  orb.max_features = options.features;
-  return orb;
+TargetFinderOptions TargetFinder::Impl::checkOptions(TargetFinderOptions options) {
+  options.orb.max_features = options.features;
+  return options;
 }
 
-/// Searches for the known targets in the new pictures. Throws if a known target and a new picture
-/// show nearly the same part of the scene. A target that covers only a part of the picture, such as
-/// a logo, is allowed.
+/// The known targets are searched in `picture` from now on, with a border, near which there are no
+/// keypoints, and `larger`, as frames are searched. Returns searched picture -> picture, px.
+Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, bool larger) {
+  const int border = isSmall(picture) ? targets::kPictureBorder : 0;
+  cv::Mat padded = picture.image;
+  if (border > 0) {
+    cv::copyMakeBorder(picture.image, padded, border, border, border, border, cv::BORDER_REPLICATE);
+  }
+  checked.set(padded, larger);
+  search.setFrame(checked.features(), checked.scale());
+  Eigen::Matrix3d without_border = Eigen::Matrix3d::Identity();
+  without_border.topRightCorner<2, 1>().setConstant(-border);
+  return without_border * checked.toFrame();
+}
+
+/// A known target that the picture shows; null: none.
+const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bool larger,
+                                                const StoredTarget* replaced) {
+  // An image of the same picture has many more votes, but a small one has few keypoints.
+  const std::int32_t fewest = isSmall(picture) ? 2 : 5;
+  const UncertainHomography to_picture{setChecked(picture, larger)};
+  search.lookUp(0, checked.features().size());
+  std::vector<FoundTarget> same;
+  for (const Candidate& candidate : search.candidates()) {
+    if (candidate.target == replaced || candidate.votes < fewest) continue;
+    same.clear();
+    search.search(*candidate.target, same);
+    for (FoundTarget& other : same) {
+      other.estimate = homography::chained(to_picture, other.estimate);
+      if (targets::showsTheSame(other, picture, store)) return candidate.target;
+    }
+  }
+  return nullptr;
+}
+
+/// Searches the known targets in the new pictures, and throws if one shows the same. One that
+/// covers only a part of the new picture, such as a logo, does not. A small picture has few
+/// keypoints in its own size, so it is made larger, too.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
-  constexpr std::int32_t kFewestVotes = 5;  // an image of the same picture gets many more votes
-  Features own;
-  std::vector<FoundTarget> same;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
-    check_extractor.extract(pictures[i].image, own);
-    search.setFrame(own, 1.0);
-    search.lookUp(0, own.size());
-    for (const Candidate& candidate : search.candidates()) {
-      if (candidate.target == replaced || candidate.votes < kFewestVotes) continue;
-      same.clear();
-      search.search(*candidate.target, same);
-      for (const FoundTarget& other : same) {
-        if (!targets::showsTheSame(other, pictures[i], store)) continue;
-        throw std::invalid_argument("target " + util::quoted(id) + ": image " +
-                                    std::to_string(i + 1) + " shows the same as target " +
-                                    util::quoted(candidate.target->id) +
-                                    "; they could not be told apart");
-      }
-    }
+    const StoredTarget* same = shownIn(pictures[i], false, replaced);
+    if (same == nullptr && isSmall(pictures[i])) same = shownIn(pictures[i], true, replaced);
+    if (same == nullptr) continue;
+    throw std::invalid_argument("target " + util::quoted(id) + ": image " + std::to_string(i + 1) +
+                                " shows the same as target " + util::quoted(same->id) +
+                                "; they could not be told apart");
   }
 }
 
@@ -313,6 +343,7 @@ void TargetFinder::Impl::publish() {
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
+  publishUndetermined();
   std::sort(answer.detections.begin(), answer.detections.end(),
             [](const DetectedTarget& a, const DetectedTarget& b) {
               return a.id != b.id ? a.id < b.id : a.instance < b.instance;
@@ -355,25 +386,40 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   one.pairs = std::move(pairs);
 }
 
-/// Finishes the entries of `found` from `begin` on, and drops undetermined entries. If the images
-/// do not agree anywhere, the frame is blurred. Blur displaces neighbouring keypoints in the same
-/// direction, so that their errors are not independent and the covariance is too small: in drawn
-/// frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times the
-/// covariance.
+/// Finishes those found from number `begin` on; those that are not determined are set apart. Where
+/// the images do not agree anywhere, the frame is blurred, dark or steep. Blur displaces
+/// neighbouring keypoints together, so that they are worth far fewer than their number: in drawn
+/// frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times what the
+/// covariance said, and some were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
-  const auto first = found.begin() + static_cast<std::ptrdiff_t>(begin);
   const bool has_images = !frame->features().images.empty();
-  std::for_each(first, found.end(), [&](FoundTarget& one) {
+  std::size_t kept = begin;
+  for (std::size_t i = begin; i < found.size(); ++i) {
+    FoundTarget& one = found[i];
     refine(one);
     if (has_images && !one.aligned) one.estimate.covariance *= kSharedDisplacement;
-  });
-  found.erase(std::remove_if(first, found.end(),
-                             [&](const FoundTarget& one) {
-                               return !targets::PictureSearch::isDetermined(
-                                   store.picture(one.picture), one);
-                             }),
-              found.end());
+    if (!targets::PictureSearch::isDetermined(store.picture(one.picture), one)) {
+      search.undetermined().push_back(std::move(one));
+      continue;
+    }
+    if (kept != i) found[kept] = std::move(one);
+    ++kept;
+  }
+  found.resize(kept);
+}
+
+/// Says which targets were seen although no place of theirs is determined.
+void TargetFinder::Impl::publishUndetermined() {
+  std::unordered_set<const StoredTarget*> named;
+  for (const FoundTarget& one : found) named.insert(one.target);
+  for (const FoundTarget& one : search.undetermined()) {
+    if (!named.insert(one.target).second) continue;
+    DetectedTarget detection = detectionOf(one, {}, *frame, store);
+    detection.status = Status::model_rejected;
+    detection.uncertain = true;
+    answer.detections.push_back(std::move(detection));
+  }
 }
 
 const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {

@@ -12,10 +12,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Added around the image, since the extractor finds nothing near the border.
-constexpr int kBorder = 48;  // px
-// Least distance of a keypoint from the border of the target, in diameters of the keypoint's patch,
-// since the frame shows something else beyond the border.
+// Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
+// border the frame shows something else.
 constexpr double kInside = 0.35;
 // Levels of the pyramid at each of kSizes. All pyramids together reach down to a tenth of the
 // image's size, and each level has enough keypoints.
@@ -81,9 +79,10 @@ void addViews(const cv::Mat& image, double scale, const OrbOptions& orb, int vie
               ReferenceViews& made) {
   cv::Mat small, padded;
   cv::resize(image, small, cv::Size(), scale, scale, cv::INTER_AREA);
-  cv::copyMakeBorder(small, padded, kBorder, kBorder, kBorder, kBorder, cv::BORDER_REPLICATE);
+  cv::copyMakeBorder(small, padded, kPictureBorder, kPictureBorder, kPictureBorder, kPictureBorder,
+                     cv::BORDER_REPLICATE);
   Eigen::Matrix3d to_padded = homography::resizing(image.size(), small.size());
-  to_padded.col(2) += Eigen::Vector3d(kBorder, kBorder, 0.0);
+  to_padded.col(2) += Eigen::Vector3d(kPictureBorder, kPictureBorder, 0.0);
 
   ReferenceViews all = simulateViews(padded, orb, views);
   ReferenceView whole;
@@ -122,7 +121,8 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
 
   // The first entry is the image itself, whose keypoints become the keypoints of the reference.
   Features own = std::move(made.front().features);
-  for (cv::KeyPoint& keypoint : own.keypoints) keypoint.pt -= cv::Point2f(kBorder, kBorder);
+  for (cv::KeyPoint& keypoint : own.keypoints)
+    keypoint.pt -= cv::Point2f(kPictureBorder, kPictureBorder);
   own.image_size = picture.image.size();
   made.erase(made.begin());
   picture.own = own.size();

@@ -12,6 +12,10 @@ namespace ktgp_orb::targets {
 
 struct StoredTarget;
 
+/// Added around a picture before its keypoints are searched, px: the extractor finds none near the
+/// border of an image.
+constexpr int kPictureBorder = 48;
+
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, at most the largest side

@@ -234,7 +234,10 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
     } else {
       reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
     }
-    if (estimate->hasPose()) shutter_ = shutterReport(*estimate);
+    if (estimate->hasPose()) {
+      const std::string trouble = shutterTrouble(*estimate, options_.config.readout_time);
+      shutter_ = trouble.empty() ? shutterReport(*estimate) : trouble;
+    }
     if (estimate->imu) imu_ = estimate->imu;
   } catch (const std::invalid_argument& error) {
     reason = error.what();

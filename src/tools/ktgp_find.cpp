@@ -72,6 +72,7 @@ json toJson(const DetectedTarget& detection, const std::optional<Eigen::Matrix3d
   json out{{"id", detection.id},
            {"instance", detection.instance},
            {"status", toString(detection.status)},
+           {"uncertain", detection.uncertain},
            {"image", detection.image},
            {"corners", corners},
            {"corner_covariances", covariances},
@@ -135,8 +136,10 @@ void print(const TargetFrame& frame, const Arguments& arguments) {
   std::printf("known targets: %zu, of these with similar keypoints: %zu, keypoints: %zu, %.1f ms\n",
               frame.known, frame.candidates, frame.features, frame.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
-    std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
-                toString(d.status), d.inliers);
+    std::printf(
+        "%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
+        d.uncertain ? "seen, but its corners could be more than 5 px off" : toString(d.status),
+        d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
     if (!d.ambiguity.empty()) {
       std::printf("; it looks the same %s: this pose is one of several", d.ambiguity.c_str());

@@ -84,6 +84,19 @@ TEST(GroundReadings, MeaninglessReadoutTimeIsRefused) {
   }
 }
 
+TEST(GroundReadings, PicturesThatContradictTheReadoutTimeAreSaid) {
+  GroundEstimate seen;
+  seen.readout_time = -0.0145;
+  seen.readout_deviation = 0.0003;
+  test::expectSays(shutterTrouble(seen, 0.02),
+                   "readout_time is 20.0 ms, but the pictures show -14.5");
+  test::expectSays(shutterTrouble(seen, 0.02), "below 0 where the driver turns the images");
+  for (const double time : {-1.0, -0.015, -0.016})
+    EXPECT_EQ(shutterTrouble(seen, time), "") << time;
+  seen.readout_deviation = 0.01;
+  EXPECT_EQ(shutterTrouble(seen, 0.02), "") << "they show too little";
+}
+
 /// Readings of a range and of the angular velocity for a camera that looks down.
 struct Stream {
   tf2::BufferCore tf;

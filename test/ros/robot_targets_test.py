@@ -59,13 +59,20 @@ class TargetsTest(TargetsCase):
         views = [0.033 * i for i in range(6)]
         pictures = [view_at(seconds) for seconds in views]
         errors = {}
-        for time in (0.0, -1.0, READOUT):
+
+        def measure(name, time, images, turn):
             self.client.update_configuration({'readout_time': time})
-            poses = [self.send(picture).detections[0].pose for picture in pictures]
-            errors[time] = [pose_errors(pose, *pose_at(seconds)) for pose, seconds in list(zip(poses, views))[2:]]
-            print('readout_time %.3f: %s' % (time, errors[time]))
-        for time in (-1.0, READOUT):
-            for (bent, bent_degrees, _), (metres, degrees, deviations) in zip(errors[0.0], errors[time]):
+            poses = [self.send(image).detections[0].pose for image in images]
+            errors[name] = [pose_errors(pose, *(turn @ part for part in pose_at(seconds)))
+                            for pose, seconds in list(zip(poses, views))[2:]]
+            print('readout_time %s: %s' % (name, errors[name]))
+        for time in (0.0, -1.0, READOUT):
+            measure(time, time, pictures, np.eye(3))
+        # By a driver that turns the images by 180 degrees about the principal point: the last row comes first.
+        turned = [np.roll(picture[::-1, ::-1], 1, (0, 1)) for picture in pictures]
+        measure('turned', -READOUT, turned, np.diag([-1.0, -1.0, 1.0]))
+        for name in (-1.0, READOUT, 'turned'):
+            for (bent, bent_degrees, _), (metres, degrees, deviations) in zip(errors[0.0], errors[name]):
                 self.assertLess(metres, 0.25 * bent)
                 self.assertLess(degrees, 0.25 * bent_degrees)
                 self.assertLess(deviations, 2 * CHI_SQUARE)

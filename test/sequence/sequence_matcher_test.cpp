@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <map>
 #include <set>
@@ -368,6 +369,76 @@ TEST(SequenceMatcher, FixedReferenceStaysUntilReset) {
   matcher.setFixedReference(target);
   expectTranslation(matcher.match(view(4), 0.2).match.answer.homography, -kStepX, -kStepY);
   EXPECT_EQ(matcher.fixedReference(), target);
+}
+
+/// For a reference that stays, with simulated views.
+SequenceOptions withViews(bool in_background) {
+  SequenceOptions options = sequenceOf(ReferenceMode::fixed);
+  options.matcher = MatcherOptions::robust();
+  options.matcher.growth.views = 13;
+  options.views_in_background = in_background;
+  return options;
+}
+
+FramePtr referenceOf(SequenceMatcher& matcher, const cv::Size& size, std::uint64_t seed) {
+  const FramePtr frame = matcher.newFrame();
+  frame->image = test::drawnPicture(size, seed);
+  return frame;
+}
+
+/// Two frames in turn: an image that repeats the last one is no new frame.
+const SequenceMatch& matchPart(SequenceMatcher& matcher, const cv::Mat& whole, int i) {
+  return matcher.match(whole(cv::Rect(20 + i % 2, 10, 180, 150)).clone(), 1.0 + 0.03 * i);
+}
+
+/// Counts frames, not time: whoever waits has none while the views are made.
+TEST(SequenceMatcher, FramesDoNotWaitForTheViewsOfALargeReference) {
+  for (const cv::Size& size : {cv::Size(12000, 200), cv::Size(4000, 3000)}) {
+    SequenceMatcher matcher(withViews(true));
+    EXPECT_EQ(matcher.viewsState(), ViewsState::none);
+    const FramePtr reference = referenceOf(matcher, size, 3);
+    matcher.setFixedReference(reference);
+    int meanwhile = 0;
+    while (matcher.viewsState() != ViewsState::ready) {
+      const SequenceMatch& match = matchPart(matcher, reference->image, meanwhile++);
+      ASSERT_TRUE(match.reference);
+      if (meanwhile == 1) {
+        EXPECT_EQ(matcher.viewsState(), ViewsState::being_made);
+      }
+    }
+    std::printf("%dx%d: %d frames meanwhile\n", size.width, size.height, meanwhile);
+    EXPECT_GT(meanwhile, 2);
+
+    SequenceMatcher waiting(withViews(false));
+    waiting.setFixedReference(referenceOf(waiting, size, 3));
+    const MatchResult& now = matchPart(matcher, reference->image, meanwhile).match;
+    const MatchResult& then = matchPart(waiting, reference->image, meanwhile).match;
+    EXPECT_EQ(waiting.viewsState(), ViewsState::ready);
+    EXPECT_EQ(now.status, then.status);
+    EXPECT_EQ(now.answer.homography, then.answer.homography) << "with the views the same bits";
+  }
+}
+
+TEST(SequenceMatcher, ViewsAreThoseOfTheNewestReference) {
+  const cv::Size size(900, 700);
+  SequenceMatcher matcher(withViews(true));
+  matcher.setFixedReference(referenceOf(matcher, size, 4));
+  const cv::Mat whole = test::drawnPicture(size, 5);
+  matchPart(matcher, whole, 0);
+  ASSERT_EQ(matcher.viewsState(), ViewsState::being_made);
+  matcher.setFixedReference(referenceOf(matcher, size, 5));
+  int i = 1;
+  do {
+    matchPart(matcher, whole, i++);
+  } while (matcher.viewsState() != ViewsState::ready);
+  SequenceMatcher waiting(withViews(false));
+  waiting.setFixedReference(referenceOf(waiting, size, 5));
+  const MatchResult& now = matchPart(matcher, whole, i).match;
+  const MatchResult& then = matchPart(waiting, whole, i).match;
+  EXPECT_EQ(now.status, then.status);
+  EXPECT_EQ(now.answer.homography, then.answer.homography);
+  matcher.reset();
+  EXPECT_EQ(matcher.viewsState(), ViewsState::none);
 }
 
 TEST(SequenceMatcher, MatchAheadNeedsItsReference) {

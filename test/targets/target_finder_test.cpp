@@ -207,6 +207,70 @@ TEST(TargetFinder, CornersOfABlurredTargetAreWhereTheirCovarianceSays) {
   EXPECT_LT(corners.normalised.mean(), 6.0);
 }
 
+/// Steep, blurred and dark: no patch aligns. What is found is as exact as its covariance says, and
+/// what is too uncertain for that is named.
+TEST(TargetFinder, SteepBlurredTargetsAreReportedWithTheirCovarianceOrNamed) {
+  TargetFinder finder = finderOf(6);
+  test::CornerErrors corners;
+  int ok = 0, named = 0, shown_ones = 0;
+  for (const double tilt : {0.8, 1.0, 1.1}) {
+    for (const double blur : {1.0, 2.0, 3.0}) {
+      for (int i = 0; i < 6; ++i, ++shown_ones) {
+        const Shown truth = shown(i, 280.0 + 10 * i, 240.0, tilt, 1.3, i);
+        cv::Mat image = frameOf({truth}, 500U + static_cast<unsigned>(i));
+        cv::GaussianBlur(image, image, {}, blur);
+        image.convertTo(image, CV_8U, 0.3);
+        image += sensorNoise(image.size(), i);
+        for (const DetectedTarget& one : finder.findAlone(image).detections) {
+          if (one.status == Status::ok) {
+            EXPECT_EQ(one.id, poster(truth.number).id) << tilt << ' ' << blur;
+            EXPECT_FALSE(one.uncertain);
+            corners.add(one, truth.homography, kPoster);
+            ++ok;
+          } else if (one.uncertain) {
+            EXPECT_EQ(one.id, poster(truth.number).id) << tilt << ' ' << blur;
+            ++named;
+          }
+        }
+      }
+    }
+  }
+  std::printf("%d of %d found, %d named, mean square %.1f, within %.2f, largest %.1f px\n", ok,
+              shown_ones, named, corners.normalised.mean(), corners.normalised.within(13.8),
+              corners.largest);
+  EXPECT_GE(ok, shown_ones / 2);
+  EXPECT_GE(corners.normalised.within(13.8), 0.95);
+}
+
+/// A camera with a rolling shutter that vibrates: each row is displaced by itself.
+TEST(TargetFinder, CornersUnderVibrationAreWhereTheirCovarianceSays) {
+  constexpr double kPeriod = 120.0;  // rows
+  for (const double amplitude : {0.0, 0.5, 1.5}) {
+    TargetFinder finder = finderOf(6);
+    test::CornerErrors corners;
+    for (int i = 0; i < 24; ++i) {
+      const Shown truth = shown(i % 6, 260.0 + 5 * i, 240.0, 0.02 * i, i % 2 == 0 ? 1.0 : 1.3, i);
+      const cv::Mat image = frameOf({truth}, 700U + static_cast<unsigned>(i));
+      cv::Mat moved(image.size(), CV_8U);
+      for (int y = 0; y < image.rows; ++y) {
+        const double by = amplitude * std::sin(2.0 * CV_PI * (y / kPeriod + 0.13 * i));
+        const cv::Matx23d shift(1.0, 0.0, by, 0.0, 1.0, 0.0);
+        cv::warpAffine(image.row(y), moved.row(y), shift, {image.cols, 1}, cv::INTER_CUBIC,
+                       cv::BORDER_REPLICATE);
+      }
+      moved += sensorNoise(moved.size(), i);
+      const DetectedTarget* one = detectionOf(finder.findAlone(moved), truth.number);
+      if (one != nullptr) corners.add(*one, truth.homography, kPoster);
+    }
+    std::printf("%.1f px: %zu corners, mean square %.1f, within %.3f, %.2f px RMS\n", amplitude,
+                corners.normalised.count(), corners.normalised.mean(),
+                corners.normalised.within(13.8), corners.rms());
+    ASSERT_GE(corners.normalised.count(), 4U * 20U) << amplitude;
+    EXPECT_GE(corners.normalised.within(13.8), 0.97) << amplitude;
+    EXPECT_LT(corners.normalised.mean(), 4.0) << amplitude;
+  }
+}
+
 /// A quarter of the usual camera: 14 px high, and the covariance of what was enlarged is right.
 TEST(TargetFinder, FindsSmallTargetsInSmallFrames) {
   TargetFinder finder = finderOf(3);
@@ -404,6 +468,28 @@ TEST(TargetFinder, ThousandSimilarPicturesAreOneTarget) {
     cv::imencode(".jpg", copy, jpeg, {cv::IMWRITE_JPEG_QUALITY, 30 + i % 70});
     return cv::imdecode(jpeg, cv::IMREAD_GRAYSCALE);
   });
+}
+
+cv::Mat smallFace(int side, std::uint64_t seed) {
+  cv::Mat face;
+  cv::resize(test::drawnPicture({300, 300}, seed), face, {side, side}, 0, 0, cv::INTER_AREA);
+  return face;
+}
+
+/// In their own size, such pictures have too few keypoints to be found again.
+TEST(TargetFinder, TheSameSmallFaceIsOneTarget) {
+  for (const int side : {60, 80, 110, 150}) {
+    for (const std::uint64_t seed : {5U, 6U, 7U}) {
+      const cv::Mat face = smallFace(side, seed);
+      TargetFinder finder;
+      finder.add(test::targetOf("first", face));
+      expectRefused(finder, test::targetOf("again", face), "shows the same as target \"first\"");
+      cv::Mat larger;
+      cv::resize(face, larger, {}, 1.2, 1.2, cv::INTER_CUBIC);
+      expectRefused(finder, test::targetOf("larger", larger), "shows the same as target \"first\"");
+      EXPECT_EQ(reasonOf(finder, test::targetOf("other", smallFace(side, seed + 20))), "") << side;
+    }
+  }
 }
 
 TEST(TargetFinder, PostersWithTheSameLogoAreTwoTargets) {

@@ -42,7 +42,8 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 
 auto asTuple(const OrbOptions& o) {
   return std::tie(o.max_features, o.scale_factor, o.levels, o.first_level, o.fast_threshold,
-                  o.descriptor, o.distribution, o.keypoints_per_cell, o.images, o.threads);
+                  o.fast_adaptive, o.descriptor, o.distribution, o.keypoints_per_cell, o.images,
+                  o.threads);
 }
 
 }  // namespace

@@ -96,6 +96,7 @@ bool OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   });
   pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
                     [&](int i) { detectAndBlur(bands_[ready + i]); });
+  if (options_.fast_adaptive) detectWeaker();
   if (options_.distribution == KeypointDistribution::uniform) {
     chooseUniform();
   } else {
@@ -132,22 +133,46 @@ void OrbPipeline::cutIntoBands() {
   }
 }
 
-void OrbPipeline::detectAndBlur(Band& band) {
+/// In a uniform distribution, corners of half the threshold count where there are few.
+int OrbPipeline::fullThreshold() const {
+  constexpr int kWeaker = 2;
+  return options_.distribution == KeypointDistribution::ranked
+             ? options_.fast_threshold
+             : std::max(1, options_.fast_threshold / kWeaker);
+}
+
+void OrbPipeline::detect(Band& band, int threshold) {
   const cv::Mat& image = pyramid_.levels()[band.level].image;
   band.corners.clear();
-  const bool ranked = options_.distribution == KeypointDistribution::ranked;
-  // Divisor of the FAST threshold; finds more corners in parts that have few.
-  constexpr int kWeaker = 2;
-  const int threshold =
-      ranked ? options_.fast_threshold : std::max(1, options_.fast_threshold / kWeaker);
   const int first = std::max(band.first_row, kEdgeMargin);
   const int last = std::min(band.last_row, image.rows - kEdgeMargin);
-  if (first < last) {
-    fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
+  if (first >= last) return;
+  fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
+}
+
+void OrbPipeline::detectAndBlur(Band& band) {
+  detect(band, fullThreshold());
+  if (teblid_) return;  // box means need no blur
+  blurRows(pyramid_.levels()[band.level].image, band.first_row, band.last_row, kernels_,
+           band.blurred_rows, levels_[band.level].blurred);
+}
+
+/// Detects again with half of the threshold, a quarter of it ..., while the frame has few corners:
+/// it is dark or blurred, or shows little.
+void OrbPipeline::detectWeaker() {
+  constexpr int kFew = 4;      // fewer than this part of the wanted features
+  constexpr int kWeakest = 5;  // grey values; below it, corners are noise
+  const int bands = levels_[pyramid_.used() - 1].last_band;
+  const auto hasFew = [&] {
+    std::size_t corners = 0;
+    for (int i = 0; i < bands; ++i) corners += bands_[i].corners.size();
+    return kFew * corners < static_cast<std::size_t>(options_.max_features);
+  };
+  int threshold = fullThreshold();
+  while (threshold > kWeakest && hasFew()) {
+    threshold = std::max(kWeakest, threshold / 2);
+    pool_.parallelFor(bands, [&](int i) { detect(bands_[i], threshold); });
   }
-  if (teblid_) return;  // TEBLID compares box means, which need no blur
-  blurRows(image, band.first_row, band.last_row, kernels_, band.blurred_rows,
-           levels_[band.level].blurred);
 }
 
 void OrbPipeline::collectCorners(int level) {

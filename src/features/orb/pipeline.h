@@ -45,7 +45,10 @@ class OrbPipeline {
   };
 
   void cutIntoBands();
+  int fullThreshold() const;
+  void detect(Band& band, int threshold);
   void detectAndBlur(Band& band);
+  void detectWeaker();
   void chooseRanked();
   void chooseUniform();
   void collectCorners(int level);

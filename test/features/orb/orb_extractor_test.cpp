@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -448,6 +450,66 @@ TEST(UniformChoice, PrefersStrongCornersAndThenHigherHarrisResponses) {
     EXPECT_FALSE(keeps_weak[cell]) << "a weak corner was kept before a strong one";
     EXPECT_LE(harrisResponse(image, portableOrbKernels(), corner.pt), least_kept[cell]);
   }
+}
+
+OrbOptions adaptive() {
+  OrbOptions options;
+  options.fast_adaptive = true;
+  return options;
+}
+
+TEST(AdaptiveThreshold, FramesWithEnoughCornersKeepTheirBits) {
+  const cv::Mat image = test::textureImage(Size(640, 480), 6);
+  const Features usual = test::featuresOf(image, {});
+  ASSERT_GE(4 * usual.size(), 2000U);
+  expectEqual(test::featuresOf(image, adaptive()), usual, "with a texture");
+}
+
+/// Squares with hardly any contrast, blurred, as ground just below a camera.
+cv::Mat faintSquares(int contrast) {
+  cv::Mat image(480, 640, CV_8U, cv::Scalar(100));
+  cv::RNG random(3);
+  for (int i = 0; i < 60; ++i) {
+    const cv::Point corner(random.uniform(0, 600), random.uniform(0, 440));
+    cv::rectangle(image, cv::Rect(corner, Size(40, 40)), 100 + random.uniform(-contrast, contrast),
+                  cv::FILLED);
+  }
+  cv::GaussianBlur(image, image, {}, 2.0);
+  return image;
+}
+
+TEST(AdaptiveThreshold, BlurredSquaresHaveCorners) {
+  for (const auto distribution : {KeypointDistribution::ranked, KeypointDistribution::uniform}) {
+    OrbOptions usual, wanted = adaptive();
+    usual.distribution = wanted.distribution = distribution;
+    const std::size_t few = test::featuresOf(faintSquares(40), usual).size();
+    const std::size_t more = test::featuresOf(faintSquares(40), wanted).size();
+    std::printf("%zu keypoints, %zu with the adaptive threshold\n", few, more);
+    EXPECT_LT(few, 500U);
+    EXPECT_GT(2 * more, 3 * few);  // a uniform distribution begins at half of the threshold
+    wanted.threads = 4;
+    EXPECT_EQ(test::featuresOf(faintSquares(40), wanted).size(), more);
+  }
+}
+
+TEST(AdaptiveThreshold, TheNextFrameBeginsWithTheFullOne) {
+  OrbExtractor extractor(adaptive());
+  const cv::Mat image = test::textureImage(Size(640, 480), 6);
+  Features features;
+  extractor.extract(faintSquares(40), features);
+  extractor.extract(image, features);
+  expectEqual(features, test::featuresOf(image, {}), "after a faint frame");
+}
+
+/// Corners below five grey values are noise.
+TEST(AdaptiveThreshold, NoiseHasNoCorners) {
+  cv::Mat image(480, 640, CV_8U, cv::Scalar(100));
+  EXPECT_TRUE(test::featuresOf(image, adaptive()).empty());
+  cv::RNG random(4);
+  cv::Mat noise(image.size(), CV_8S);
+  random.fill(noise, cv::RNG::UNIFORM, -2, 3);
+  cv::add(image, noise, image, cv::noArray(), CV_8U);
+  EXPECT_TRUE(test::featuresOf(image, adaptive()).empty());
 }
 
 // The right half of the image has less contrast than the left.
