@@ -45,8 +45,10 @@ TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
   Eigen::Matrix<double, 3, kGrid * kGrid> rays;  // viewing rays of `pixels`, in the first camera
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (int i = 0; i < kGrid * kGrid; ++i) {
-    const double x = 0.5 * (i % kGrid) * (size.width - 1);
-    const double y = 0.5 * (i / kGrid) * (size.height - 1);
+    const int column = i % kGrid;
+    const int row = i / kGrid;
+    const double x = 0.5 * column * (size.width - 1);
+    const double y = 0.5 * row * (size.height - 1);
     pixels.col(i) << x, y;
     const Eigen::Vector3d pixel(x, y, 1.0);
     rays.col(i) = (to_map * pixel).normalized();

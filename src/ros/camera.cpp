@@ -75,7 +75,7 @@ std::string rawTopic(const std::string& topic) {
 }
 
 std::optional<Pixels> pixelsOf(const std::string& image_topic) {
-  const auto kindOf = [](const std::string& part) -> std::optional<Pixels> {
+  const auto kind_of = [](const std::string& part) -> std::optional<Pixels> {
     std::optional<Pixels> kind;
     std::istringstream words(part);
     for (std::string word; std::getline(words, word, '_');) {
@@ -88,7 +88,7 @@ std::optional<Pixels> pixelsOf(const std::string& image_topic) {
   std::optional<Pixels> of_folders;
   std::optional<Pixels> of_image;
   for (std::string part; std::getline(parts, part, '/');) {
-    const std::optional<Pixels> kind = kindOf(part);
+    const std::optional<Pixels> kind = kind_of(part);
     const bool is_image = part.compare(0, 5, "image") == 0;
     if (is_image && kind) of_image = kind;
     if (!is_image && part == "rectified") of_folders = kind;
