@@ -12,7 +12,7 @@
 
 namespace ktgp_orb {
 
-/// Options of the sub-pixel alignment.
+/// Options of the sub-pixel alignment (class Alignment).
 struct AlignmentOptions {
   bool enabled = true;  ///< if false, the given homography is not changed
   int points = 400;     ///< maximum number of correspondences to align, 12..100000
@@ -69,13 +69,13 @@ struct AlignmentResult {
 /// Aligns up to AlignmentOptions::points correspondences, spread over the image, one by one. The
 /// patch of 16x16 px around the reference keypoint is warped by the local affine part of H.
 /// Inverse-compositional least squares over a translation (Baker & Matthews, IJCV 2004) find the
-/// patch in the target, with any gain and bias. If H changes the scale by more than 1.5, the image
-/// with the smaller scale is compared with the pyramid level of the other image that is nearest in
-/// scale. Then H is estimated from the aligned points by maximum likelihood, which assumes that the
-/// scale of the errors is at least a pixel (a third of `max_error`). No scene is exactly a plane,
-/// and with a smaller scale the fit would follow the part of the scene with the most points. The
-/// answer is the aligned H, unless the homography from the keypoints has a smaller uncertainty at
-/// the corners of the image.
+/// patch in the target; its brightness may differ by a gain and a bias. If H changes the scale by a
+/// factor of more than 1.5, the image that shows the scene smaller is compared with the pyramid
+/// level of the other image that is nearest in scale. Then H is estimated from the aligned points
+/// by maximum likelihood, which assumes that the scale of the errors is at least a pixel (a third
+/// of `max_error`). No scene is exactly a plane, and with a smaller scale the fit would follow the
+/// part of the scene with the most points. The answer is the aligned H, unless the homography from
+/// the keypoints has a smaller uncertainty at the corners of the image.
 ///
 /// The answer is the same for every instruction set.
 ///

@@ -7,8 +7,8 @@
 namespace ktgp_orb {
 
 /// The last stage of KNN -> TF -> GMS -> PROSAC that a correspondence passed. The levels are
-/// ordered: a match of Level::ktg has passed KNN and TF, too, so the paper's KT matches have level
-/// >= Level::kt.
+/// ordered: a match of Level::ktg has also passed KNN and TF. So the matches that the paper calls
+/// KT have level >= Level::kt.
 enum class Level : std::uint8_t {
   knn = 0,   ///< nearest neighbour, removed by the ratio filter
   kt = 1,    ///< passed KNN + TF, removed by GMS

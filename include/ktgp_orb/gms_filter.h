@@ -48,7 +48,7 @@ struct GmsResult {
 /// Removes correspondences that do not move like their neighbours.
 ///
 /// Each image is divided into cells. The best pair of a target cell consists of this cell and the
-/// reference cell that the largest number of its matches lead to. A best pair is supported if
+/// reference cell to which the largest number of its matches lead. A best pair is supported if
 /// enough matches lead from the cells around the target cell to the cells around the reference cell
 /// (see GmsOptions::threshold). A correspondence is kept when its two cells are a supported best
 /// pair in the grid, or in one of three copies shifted by half a cell. Among several rotations and

@@ -32,7 +32,7 @@ struct DownReading {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
   bool of_imu = false;  ///< measured by an Imu, whose mounting is estimated in GroundEstimate::imu
-  double age = 0.0;     ///< age at the time of the image, s; only for GroundEstimate::imu
+  double age = 0.0;     ///< age at the time of the image, s; used only for GroundEstimate::imu
 };
 
 /// A measurement of the rotation since the previous frame, for example by a gyroscope.
@@ -40,8 +40,8 @@ struct TurnReading {
   /// Camera frame now -> camera frame at the previous frame.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  /// By how much the measured interval is older than the interval between the frames, s; only for
-  /// GroundEstimate::imu.
+  /// Time by which the measured interval is earlier than the interval between the frames, s; used
+  /// only for GroundEstimate::imu.
   double age = 0.0;
 };
 
@@ -54,7 +54,7 @@ std::string whyUnusable(const TurnReading& reading);
 /// A frame of the camera, as input of GroundMotion.
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
-  std::int64_t reference_stamp = 0;  ///< stamp of the frame that the homography maps from
+  std::int64_t reference_stamp = 0;  ///< stamp of the frame from which the homography maps
   /// Homography reference -> this frame, px without lens distortion; empty if none was found.
   std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
@@ -69,7 +69,7 @@ struct GroundMotionOptions {
   /// vehicle's base frame.
   Pose3 camera_to_base = Pose3::Identity();
   /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
-  /// means 1 m in 100 m. Old readings of height and normal count less after each keyframe.
+  /// means 1 m in 100 m. So old readings of height and normal count less after each keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
   /// global shutter. Between -1 and 0: the last row is exposed first, as in pictures that the
@@ -90,7 +90,7 @@ struct GroundMotionOptions {
   double max_tilt_deviation = 0.1;
 };
 
-/// State of the motion after a frame.
+/// State of the estimated motion after a frame.
 enum class GroundStatus : std::uint8_t {
   ok = 0,       ///< pose and twist are known
   started = 1,  ///< the first frame: a pose without a twist
@@ -226,7 +226,7 @@ class GroundMotion {
   /// If the last frame itself is added again, the estimate stays the same.
   const GroundEstimate& add(const GroundFrame& frame);
 
-  /// The odometry begins anew at its origin.
+  /// Restarts the odometry at its origin.
   void reset();
   /// Sets x, y and the yaw of the base in the odometry frame at the next frame; the height and the
   /// tilt stay as measured. Only the rows of x, y and yaw of the covariance are used. Throws

@@ -36,8 +36,8 @@ struct ReferenceView {
 using ReferenceViews = std::vector<ReferenceView>;
 
 /// The simulated views (GrowthOptions::views) without the image itself: 0, 4 or 12. `image`: 8-bit
-/// grey; one with more than 6.25 megapixels is shown smaller. A smaller view has proportionally
-/// fewer features.
+/// grey; if it has more than 6.25 megapixels, it is shrunk to this size first. A view with a tilt
+/// of t gets at most 1/t of OrbOptions::max_features.
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views);
 
 /// Result of HomographyGrowth::find. If you reuse it for the next call, it keeps its buffers.
@@ -53,7 +53,7 @@ struct GrowthResult {
   /// Number of pairs that support the most significant homography. At most one pair in each square
   /// of 12x12 px counts.
   std::size_t support = 0;
-  /// Number of supporting pairs that chance would give, measured with the decoys.
+  /// Number of supporting pairs expected by chance, measured with the decoys.
   double by_chance = 0.0;
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int seeds = 0;                  ///< number of seeds tried
@@ -63,7 +63,7 @@ struct GrowthResult {
   void clear();
 };
 
-/// A given homography, judged as a hypothesis beside the homographies that grow from seeds.
+/// A given homography. It is judged as a hypothesis, like the homographies that grow from seeds.
 struct GrowthStart {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px
   /// Centre of the matches that agree with the homography, px of the reference.

@@ -43,12 +43,13 @@ class GuidedMatcher {
 
   /// One guided round after a homography was found: matches as match() does, and estimates the
   /// homography again from all these matches. The new estimate must have at least as many matches
-  /// within `threshold` px as the old estimate (with `by_cell`, half as many). If the old estimate
-  /// shows the whole reference from one side, the new estimate must do so, too. Then it replaces
-  /// `estimate`, and the function returns true. `by_cell`: matches that are close together count as
-  /// one in the estimate. Without this, the part of the scene with the most matches would determine
-  /// the estimate alone, and this part may be slightly off the plane of the rest. `matches`: all
-  /// matches found, including those that disagree with the estimate.
+  /// within `threshold` px as the old estimate, or half as many with `by_cell`. If the old estimate
+  /// shows the whole reference from one side, the new estimate must do so, too. If these conditions
+  /// hold, the new estimate replaces `estimate`, and the function returns true. `by_cell`: matches
+  /// that are close together count as one in the estimate. Without this, the part of the scene with
+  /// the most matches would determine the estimate alone, and this part may be slightly off the
+  /// plane of the rest. `matches`: all matches found, including those that disagree with the
+  /// estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

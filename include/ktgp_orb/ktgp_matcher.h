@@ -97,9 +97,9 @@ const char* toString(FoundBy found_by);
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
   /// ProsacHomography::estimate). With a search radius, KNN searches only near the predicted
-  /// positions, and growth does not run. If few matches agree with the homography, only growth
-  /// could judge it, so it is rejected. In this case, match again with `whole_image`, as
-  /// SequenceMatcher does.
+  /// positions, and growth does not run. A homography with few inliers is then rejected, because
+  /// only growth could judge it. In this case, match again with `whole_image`, as SequenceMatcher
+  /// does.
   std::optional<Eigen::Matrix3d> prediction;
   /// Whether the whole image is searched, even with a search radius and a prediction.
   bool whole_image = false;
@@ -161,12 +161,12 @@ struct MatchResult {
   std::size_t inliers = 0;
   double rmse = 0.0;  ///< root mean square reprojection error of the inliers, px
   /// Number of matches that passed the ratio filter and have the same position in both images,
-  /// although `answer` says that the scene moves by 3 px or more. Causes are hot pixels, dirt on
-  /// the lens and text that is written into the images. If more matches stand still than move, and
-  /// both kinds are all over the image, the moving matches determine the answer, and the matches
-  /// that stand still get level kt.
+  /// although `answer` says that the scene moves by 3 px or more. Such matches come from hot
+  /// pixels, dirt on the lens, or text that is drawn into the images. If more matches stand still
+  /// than move, and both kinds are spread over the whole image, the moving matches determine the
+  /// answer, and the matches that stand still get Level::kt.
   std::size_t still = 0;
-  /// Whether more matches stand still than chance explains.
+  /// Whether more matches stand still than chance can explain.
   bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }
 
   /// Copies the correspondences that reached at least `level` into `out`, in target order.

@@ -67,11 +67,11 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
                    const cv::Size& reference_size);
 
 /// Area under the curve of the share of pairs with a corner error of at most x, for x from 0 to
-/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. An infinite error stands
-/// for a failed pair. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR 2020)
-/// and LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is level
-/// after the last error below `threshold`. The area under the exact step curve is smaller by up to
-/// 1/(2 n) for n pairs, which is 3.3 % for 15 pairs.
+/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. For a pair that failed,
+/// pass an infinite error. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR
+/// 2020) and LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is
+/// level after the last error below `threshold`. The area under the exact step curve is smaller by
+/// up to 1/(2 n) for n pairs, which is 3.3 % for 15 pairs.
 double areaUnderCurve(const std::vector<double>& errors, double threshold);
 
 /// Counts of Mikolajczyk's repeatability.

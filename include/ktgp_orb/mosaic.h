@@ -41,13 +41,13 @@ enum class Placement : std::uint8_t {
 /// "drawn", "seen", "new_map", "lost"
 const char* toString(Placement placement);
 
-/// Why a frame is lost.
+/// Why the last frame is lost.
 enum class LostBecause : std::uint8_t {
-  nothing,    ///< it is not lost
-  unmatched,  ///< neither the homographies nor the keyframes lead to it
-  repeats,    ///< the ground has a repeating pattern, and nothing shows which repetition this is
-  zoomed,     ///< its scale in the map is beyond 1/4 to 4: a camera that turned, tilted or rose far
-  moved,      ///< the map is a panorama, and the camera has moved aside
+  nothing,    ///< the frame is not lost
+  unmatched,  ///< no homography and no keyframe connects the frame to the map
+  repeats,    ///< the pattern of the ground repeats, and it is unknown which repetition this is
+  zoomed,     ///< the frame's scale in the map is not within 1/4..4 (large turn, tilt or climb)
+  moved,      ///< the map is a panorama, but the camera has left its place
 };
 
 /// If the camera only turns, the map is drawn on a cylinder around the camera. Pixel p of the first
@@ -57,19 +57,20 @@ enum class LostBecause : std::uint8_t {
 /// any number of full turns.
 struct Panorama {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< of the turn, in the first frame's camera
-  bool is_estimated = false;  ///< the homographies told K; otherwise setCamera() did
-  double degrees = 0.0;       ///< what the map shows of a full turn, 0..360
-  double closed_off = 0.0;    ///< px between end and beginning, where a full turn met its beginning
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< axis of the turn, in the first camera frame
+  bool is_estimated = false;  ///< K was estimated from homographies, not given by setCamera()
+  double degrees = 0.0;       ///< horizontal angle that the map covers, 0..360
+  double closed_off = 0.0;    ///< largest gap between the end and the beginning of a full turn, px
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
 ///
-/// A frame is drawn when the view has moved by 0.03 of its width; the newest one also when image()
-/// is called or the map is finished. One that is not connected is searched in the map for a second,
-/// and three frames at least, before a new map begins. Coordinates of the map are the pixels of its
-/// first frame, continued on all sides; where the camera has turned by more than 20 degrees, and
-/// only turned, those of a Panorama. An instance belongs to one thread at a time.
+/// A frame is drawn if the view has moved by at least 3 % of its width. The newest frame is also
+/// drawn when image() is called or the map is finished. If a frame is not connected to the map,
+/// frames are searched for in the map for a second, and for at least three frames, before a new map
+/// begins. The coordinates of the map are the pixels of its first frame, continued on all sides. If
+/// the camera has only turned, by more than 20 degrees, they are the coordinates of a Panorama. An
+/// instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -82,11 +83,12 @@ class Mosaic {
   /// The new options apply from the next frame on; the map stays. Throws like the constructor.
   void setOptions(const MosaicOptions& options);
 
-  /// K of the images, px, without distortion; empty: not known. It is used for the next map, and
-  /// for this one while it is a plane. A panorama needs it, or homographies that tell it.
+  /// K of the images, px, without distortion; empty if it is not known. It is used for the next
+  /// map, and for the current map as long as this map is a plane. Without K, a panorama is possible
+  /// only if the homographies determine K.
   void setCamera(const std::optional<Eigen::Matrix3d>& camera);
 
-  /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
+  /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call it for
   /// every frame, in order, also for frames that are not placed.
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
@@ -97,18 +99,19 @@ class Mosaic {
   /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Pose of the last placed frame, the homography first frame of the map -> frame, px; empty if it
-  /// is lost. In a panorama it is K R K_inv with determinant 1, so that points of the first frame's
-  /// plane with a positive third coordinate are in front of the camera.
+  /// Pose of the last frame given to place(): the homography from the first frame of the map to
+  /// this frame, px. Empty if the frame is lost. In a panorama, the homography is K R K_inv with
+  /// determinant 1, so that points of the first frame's plane with a positive third coordinate are
+  /// in front of the camera.
   std::optional<Eigen::Matrix3d> pose() const;
-  /// Reason why the last frame has no place in the map.
+  /// Reason why the last frame is lost.
   LostBecause lostBecause() const;
   /// If the reason is zoomed or moved: the reason as text for users, with the results of the tests
   /// that led to it. Otherwise empty.
   std::string whyLost() const;
   /// The cylinder that the map is drawn on; empty if the map is a plane.
   std::optional<Panorama> panorama() const;
-  /// First frame of the map, ns.
+  /// Stamp of the first frame of the map, ns.
   std::int64_t firstStamp() const;
 
   /// The map as CV_8UC4 (BGR and alpha; alpha is 0 in parts that no frame has shown). It is empty

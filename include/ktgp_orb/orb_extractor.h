@@ -37,11 +37,11 @@ struct OrbOptions {
   /// small for a patch of 31 px. With TEBLID, the index must be 0.
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
-  /// A frame with fewer corners than a quarter of `max_features` is searched again with half of the
-  /// threshold, down to 5 grey values; other frames keep their keypoints to the last bit. Not in
-  /// the paper.
+  /// If a frame has fewer corners than a quarter of `max_features`, the threshold is halved until
+  /// there are enough corners, but not below 5 grey values. All other frames keep exactly the same
+  /// keypoints. Not in the paper.
   bool fast_adaptive = false;
-  /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.
+  /// rBRIEF or TEBLID-256. TEBLID is as long, but tolerates more changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
   /// For the uniform distribution: keypoints per cell if all cells have enough corners, >= 1.

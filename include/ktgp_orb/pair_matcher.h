@@ -12,12 +12,12 @@ namespace ktgp_orb {
 struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  /// Whether images of more than a megapixel get more than OrbOptions::max_features, in proportion
-  /// to their area, up to 8000. Larger images have more details to tell apart.
+  /// If true, images of more than a megapixel get more features than OrbOptions::max_features, in
+  /// proportion to their area, up to 8000. Larger images show more details that can be told apart.
   bool features_by_area = false;
 
-  /// The preset photo, for two photographs of any kind. It succeeds on the most pairs of images,
-  /// but takes seconds instead of milliseconds.
+  /// The preset photo, for two photographs of any kind. Of all presets, it succeeds on the largest
+  /// number of image pairs, but it takes seconds instead of milliseconds.
   static PairOptions photo();
 };
 
@@ -25,7 +25,7 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  /// Largest number of keypoints per image, after PairOptions::features_by_area was applied.
+  /// Maximum number of keypoints per image that was used, see PairOptions::features_by_area.
   int max_features = 0;
   double reference_milliseconds = 0.0;  ///< time to find the features of the reference
   double target_milliseconds = 0.0;

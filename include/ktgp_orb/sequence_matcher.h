@@ -17,8 +17,8 @@ namespace ktgp_orb {
 /// How the reference of a frame is chosen.
 enum class ReferenceMode : std::uint8_t {
   previous,  ///< the previous frame, as in the paper
-  /// An earlier frame, which stays the reference while it overlaps the frame and gives enough
-  /// matches; this reduces drift.
+  /// An earlier frame. It stays the reference as long as it overlaps the present frame and gives
+  /// enough matches; this reduces drift.
   keyframe,
   fixed,  ///< a frame that the caller sets, to track a planar target
 };
@@ -47,26 +47,27 @@ struct SequenceOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   ReferenceOptions reference;
-  /// fixed: the views of the reference (GrowthOptions::views) are made in a thread of their own,
-  /// and frames are matched without them until they are ready. Off: the first frame waits for them,
-  /// which takes seconds for a large reference, and results do not depend on time.
+  /// For mode fixed. If true, the views of the reference (GrowthOptions::views) are made in a
+  /// thread of their own, and frames are matched without views until the views are ready. If false,
+  /// the first frame waits for the views, which takes seconds for a large reference, but the
+  /// results do not depend on timing.
   bool views_in_background = false;
 };
 
 /// The simulated views of a fixed reference, see GrowthOptions::views.
 enum class ViewsState : std::uint8_t {
-  none,        ///< there are none: they are not wanted, or no frame has needed them yet
-  being_made,  ///< frames are matched without them
+  none,        ///< there are no views: none are wanted, or no frame has needed them yet
+  being_made,  ///< the views are still being made; until then, frames are matched without views
   ready,
 };
 
 /// The enumerator's own name, e.g. "being_made".
 const char* toString(ViewsState state);
 
-/// `options` as the sequence needs them: `orb.images` is shared with alignment and none without,
-/// and growth is off in mode previous, since a video does not need it. SequenceMatcher applies it.
-/// Use the same options when you extract features elsewhere. (Where a small fixed reference is
-/// enlarged, the features are found again.)
+/// Adapts the options to the sequence: `orb.images` becomes share if alignment is on, otherwise
+/// none. In mode previous, growth is switched off, since a video does not need it. SequenceMatcher
+/// calls this function itself. If you extract features elsewhere, use the same options. (For a
+/// small fixed reference, which is enlarged, SequenceMatcher extracts the features again.)
 SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The values equal the REASON_ constants in the messages.
@@ -75,7 +76,7 @@ enum class NoReference : std::uint8_t {
   first_frame = 1,  ///< there was no previous frame
   gap = 2,          ///< the previous frame is older than max_age
   /// The previous frame has a newer stamp. If only one frame has an older stamp, it is skipped, and
-  /// the next frame is matched as if the skipped frame were missing. Two such frames in a row mean
+  /// the next frame is matched as if the skipped frame did not exist. Two such frames in a row mean
   /// that the recording was looped.
   stamp_went_back = 3,
   size_changed = 4,      ///< the previous frame has another width or height
@@ -101,7 +102,7 @@ struct Frame {
   /// If set, the keypoints are moved to their positions without distortion, and there is no
   /// sub-pixel alignment, since the image is still distorted. If null, the keypoints stay.
   LensConstPtr lens;
-  /// K of the image without distortion, px, for the two-view geometry; empty: not known.
+  /// K of the image without distortion, px, for the two-view geometry; empty if it is not known.
   std::optional<Eigen::Matrix3d> camera;
   /// Maps points of `image` to the pixels of `camera`; null if they need no mapping.
   LensConstPtr camera_lens;
@@ -216,7 +217,7 @@ class SequenceMatcher {
   /// they are extracted at once in fixed mode, and in other modes when a frame first needs them.
   void setFixedReference(const FramePtr& frame);
   FrameConstPtr fixedReference() const;
-  /// As of the last frame.
+  /// State of the views when the last frame was matched.
   ViewsState viewsState() const;
   /// The next frame becomes the fixed reference; the frame after it is the first to be matched.
   void fixNextFrame();

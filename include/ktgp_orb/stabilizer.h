@@ -28,8 +28,8 @@ struct SteadyFrame {
   std::int64_t stamp = 0;
   /// Homography from the frame to the steady picture of the same size, px.
   Eigen::Matrix3d warp = Eigen::Matrix3d::Identity();
-  /// The frame has no connection to the previous frame, because the scene was cut or no homography
-  /// was found.
+  /// Whether the frame is not connected to the previous frame, because the scene was cut or no
+  /// homography was found.
   bool starts_anew = false;
 };
 

@@ -69,19 +69,19 @@ struct TargetFinderOptions {
 struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
-  /// ok; or model_rejected: another target, with more or similar support, is at the same place or
-  /// around the part of this target that was found. Only one of the two can be there. Or it is
-  /// `uncertain`.
+  /// Status::ok or model_rejected. A target is rejected if it is `uncertain`, or if another target
+  /// with more or similar support is at the same place, or around the part of this target that was
+  /// found, so that only one of the two can be there.
   Status status = Status::ok;
-  /// The target was found, but so little of it, or so badly, that a corner has a standard deviation
-  /// of more than 5 px. It is not followed, and has no number of its own.
+  /// Whether so little of the target was found, or so inaccurately, that a corner has a standard
+  /// deviation of more than 5 px. Such a target is not followed and gets no instance number.
   bool uncertain = false;
   std::size_t image = 0;  ///< the image of the target that was found
   cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
-  /// Says in which other pose the target's picture looks the same, such as "turned by 180 degrees".
-  /// The reported pose is then one of several. Empty if there is no such pose.
+  /// Describes another pose in which the target's picture looks the same, e.g. "turned by 180
+  /// degrees". The reported pose is then one of several possible poses. Empty if there is only one.
   std::string ambiguity;
   /// Positions in the frame of the centres of the four corner pixels of the target's image: upper
   /// left, upper right, lower right, lower left; px.
@@ -94,9 +94,9 @@ struct DetectedTarget {
   std::size_t inliers = 0;        ///< number of keypoints that agree with the homography
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int age = 0;  ///< number of successive frames that show this instance, including this frame
-  /// If true, the keypoints of the target were not found, but the frame looks like its picture near
-  /// the predicted position. The prediction relies on the previous frame, so a false alarm is more
-  /// likely.
+  /// If true, the keypoints of the target were not found, but at the predicted position the frame
+  /// looks like the target's picture. The prediction relies on the previous frame, so a false alarm
+  /// is more likely.
   bool predicted = false;
   /// Pairs that the homography was fitted to: positions in the target's image and in the frame, px.
   PointPairs pairs;

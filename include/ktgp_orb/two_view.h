@@ -57,9 +57,10 @@ struct TwoViewOptions {
   int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
-  bool homography = true;     ///< false: only an epipolar geometry is looked for
-  /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
-  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of every geometry.
+  bool homography = true;     ///< if false, only an epipolar geometry is searched for
+  /// Standard deviation of the errors that calibration, shutter and lens cause, px, >= 0. These
+  /// errors vary linearly over the image, so the residuals do not show them. The covariance of
+  /// every geometry includes them.
   double shared_error = 0.0;
   /// The defaults with the shared_error of real cameras.
   static TwoViewOptions realCameras();
@@ -91,8 +92,8 @@ struct TwoViewInput {
   /// distortion. Pairs, fundamental matrix and homography then refer to images without distortion.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// Standard deviation of the error of each pair, relative to the most precise pairs, which have
-  /// 1; null if all pairs are equally precise. TwoViewMatcher sets it.
+  /// Standard deviation of the error of each pair, relative to the error of the most precise pairs;
+  /// null if all pairs are equally precise. TwoViewMatcher sets it.
   const std::vector<double>* deviations = nullptr;
   /// A homography that may be right, for example from the matches before alignment.
   std::optional<Eigen::Matrix3d> homography;
@@ -107,7 +108,7 @@ struct ScenePoint {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
-/// A motion that explains the pairs about as well as the likeliest one.
+/// A motion that explains the pairs about as well as the likeliest motion.
 struct OtherMotion {
   Geometry geometry = Geometry::none;
   RelativePose pose;
@@ -137,11 +138,12 @@ struct TwoView {
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
-  /// Covariance of small changes of the translation (x, y, z) and small rotations about the target
-  /// camera's axes (rad), in this order. The length of the translation is fixed, so it has rank 5;
-  /// 6 for a rotation, with the variance of a translation too small to see, in units of the
-  /// distance of the scene. Where there is `other`, it spans both motions. NaN without K or where
-  /// it is not known.
+  /// Covariance of small changes of the translation (x, y, z) and of small rotations about the
+  /// target camera's axes (rad), in this order. Its rank is 5, because the length of the
+  /// translation is fixed. For a pure rotation the rank is 6: the translation part then covers
+  /// translations that are too small to see, in units of the distance of the scene. If `other` is
+  /// set, the covariance is large enough to cover both motions. NaN if K is missing or the
+  /// covariance is unknown.
   Covariance6 pose_covariance = Covariance6::Zero();
   /// Angle between the two rays of an inlier, degrees: the median over all inliers; NaN without K.
   double parallax = 0.0;

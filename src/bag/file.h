@@ -73,7 +73,7 @@ struct Message {
 /// A chunk in memory.
 struct ChunkContents {
   std::shared_ptr<char> bytes;
-  /// messages in the order of the file; the data of each point into `bytes`
+  /// messages in the order of the file; the data of each message point into `bytes`
   std::vector<Message> messages;
 };
 

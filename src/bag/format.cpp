@@ -18,7 +18,7 @@ std::optional<Operation> operationOf(const Fields& fields) {
   return static_cast<Operation>(op[0]);
 }
 
-/// Fast test whether a record may begin at `bytes`. It rejects nearly all positions at which none
+/// Fast test whether a record may begin at `bytes`. Rejects nearly all positions at which no record
 /// begins.
 bool mayBegin(const char* bytes) {
   const std::size_t header = numberAt(bytes);

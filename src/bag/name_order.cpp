@@ -69,12 +69,12 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// Half of the world writes decimals with a comma.
+/// Many languages write decimals with a comma.
 bool isPoint(const std::string& text, std::size_t i) {
   return i < text.size() && (text[i] == '.' || text[i] == ',');
 }
 
-/// Whether the number is one of three or more in a row, as in "2024.01.02": these are counts.
+/// Whether the number is in a row of three or more, as in "2024.01.02". These are counters.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && isPoint(text, begin - 1) && isDigit(text, begin - 2);
   return before || (isPoint(text, end) && isDigit(text, end + 1));
@@ -129,11 +129,11 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Whether the digits after the point are a counter in all names, for the numbers at position
-/// `place` of the names.
+/// Whether the digits after the point are counters and not decimals, judged from the numbers at
+/// position `place` of all names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
   // A tenth of all decimals have a zero right after the point, and a tenth of all counters end with
-  // a zero. Among many names, one may be an exception.
+  // a zero, so we count both. Among many names, one final zero may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;
@@ -194,7 +194,7 @@ std::vector<std::string> oddNames(const std::vector<std::string>& files) {
 }
 
 std::vector<std::string> alternatingNames(const std::vector<std::string>& files) {
-  constexpr std::size_t kRepeated = 3;  // names of each series; fewer say nothing
+  constexpr std::size_t kRepeated = 3;  // number of names; smaller series are ignored
   std::map<std::vector<std::string>, std::size_t> sizes;
   const std::vector<Name> names = namesOf(files);
   for (const Name& name : names) ++sizes[name.texts];

@@ -14,9 +14,9 @@ void sortByNumbers(std::vector<std::string>& files);
 /// "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
 std::vector<std::string> oddNames(const std::vector<std::string>& files);
 
-/// Two neighbours of sorted `files` that are of different series, where two or more series of names
-/// alternate: "1_left.png", "1_right.png" before "2_left.png". Empty where each series is in one
-/// piece.
+/// If two or more series of names alternate in sorted `files`, returns two neighbours from
+/// different series: "1_left.png" and "1_right.png", if "2_left.png" follows. Otherwise returns
+/// nothing.
 std::vector<std::string> alternatingNames(const std::vector<std::string>& files);
 
 }  // namespace ktgp_orb::bag

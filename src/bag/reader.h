@@ -65,7 +65,7 @@ class BagMessages {
   /// Call this once, before next(). `start`: seconds after the beginning of the bag. `duration`:
   /// seconds; a negative duration means to the end.
   void select(const Wanted& wanted, double start = 0.0, double duration = -1.0);
-  /// Before next(): leaves out all messages but those of the last chunk.
+  /// Call this before next(): restricts the selection to the messages of the last chunk.
   void skipToLastChunk();
   /// Number of selected messages in the index.
   std::size_t total() const { return total_; }
@@ -150,8 +150,8 @@ std::string cameraOf(const std::string& image_topic);
 /// name of the option or function that needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
-/// Says that the last camera_info of the bag differs from `used`; empty: it does not. Those between
-/// are not read, which would take as long as the whole bag.
+/// Reports that the last camera_info of the bag differs from `used`; empty if it does not. Other
+/// messages are not compared, since reading them would take as long as reading the whole bag.
 std::string changeOfCameraInfo(const std::string& path, const std::string& image_topic,
                                const sensor_msgs::CameraInfo& used);
 

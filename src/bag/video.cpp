@@ -35,7 +35,7 @@ bool beginsWith(const std::string& path, const std::string& start) {
   return first == start;
 }
 
-/// At least 1 ns, because ROS takes zero for "no time" and a bag cannot store it.
+/// The stamp, at least 1 ns: zero means "no time" in ROS and cannot be stored in a bag.
 ros::Time stampOf(double seconds) {
   return std::max(ros::TIME_MIN, ros::Time(std::max(seconds, 0.0)));
 }
@@ -212,7 +212,7 @@ std::vector<std::string> filesOf(const std::string& pattern) {
   return files;
 }
 
-/// Tells of names that one series would not have; empty: there are none.
+/// Describes names that do not belong to one series; empty if there are none.
 std::string noteOnNames(const std::vector<std::string>& all) {
   const std::vector<std::string> two = bag::alternatingNames(all);
   if (!two.empty()) {

@@ -54,7 +54,7 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  // Divides the budget: the steady start gets at most a quarter.
+  // The first r samples for each new pair take at most 1 / kSteadyShare of the budget.
   constexpr double kSteadyShare = 4.0;
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
@@ -82,7 +82,7 @@ void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < time) ++growth_set_size_;
   sample.resize(sample_size_);
   if (samplesUntil(growth_set_size_) >= time) {
-    // The newest pair, since samples without it were drawn earlier.
+    // The sample must include the newest pair; samples without it were drawn earlier.
     sample[0] = growth_set_size_ - 1;
     drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {

@@ -30,8 +30,8 @@ class QualityOrder {
   std::vector<std::uint64_t> sorted_;
 };
 
-/// A sample: different pairs, just enough to determine a model. A pair is given by its place in the
-/// order of quality.
+/// A sample: as many different pairs as determine a model. The entries are the places of the pairs
+/// in the order of quality.
 using ProsacSample = std::vector<std::size_t>;
 
 /// Fills the entries of `sample` from index `first` on with random numbers below `end` that the
@@ -171,8 +171,8 @@ class ProsacSearch {
     return best_cost_ < std::numeric_limits<float>::infinity();
   }
 
-  /// best(): the model of the last run with the least cost; valid only if run() returned true.
-  /// iterations(): number of samples, from the growing set and from the inliers. exhausted():
+  /// best(): the model with the least cost in the last run; valid only if run() returned true.
+  /// iterations(): number of samples, both from the growing set and from the inliers. exhausted():
   /// whether the budget was used up before the stopping rules were met.
   const Model& best() const { return best_; }
   int iterations() const { return iterations_; }

@@ -46,10 +46,10 @@ struct FitRules {
 
 enum class FitEnd { undetermined, most_steps, converged };
 
-/// Solves a (J'wJ + damping diag(J'wJ)) d = -J'we for the step d. Returns false if d is not
-/// determined or is longer than the rules allow. The factor a = derivative / weight turns J'wJ into
-/// the second derivative of the likelihood. Without this factor each step would be too short, since
-/// the weights fall as the errors grow.
+/// Solves s (J'wJ + damping diag(J'wJ)) d = -J'we for the step d, where s = derivative / weight.
+/// Returns false if d is not determined or is longer than the rules allow. The factor s turns J'wJ
+/// into the second derivative of the likelihood. Without it each step would be too short, since the
+/// weights fall as the errors grow.
 bool findStep(const NormalEquations& sums, double damping, const FitRules& rules, Step& step);
 
 /// Fits a state by maximum likelihood for errors with Student's t distribution. Each
@@ -121,7 +121,7 @@ class RobustFit {
   Step step_;
 };
 
-/// Sets the sums for plain least squares, as linearise() must. `residual` has the covariance I.
+/// Sets the sums for plain least squares, for use in linearise(). `residual` has the covariance I.
 /// `jacobian`: Jacobian of the residual with respect to the step.
 void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
                      NormalEquations& sums);

@@ -42,7 +42,7 @@ double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weig
 /// Zeger, Biometrika 1986). Keeps its buffers.
 class ClusteredMeat {
  public:
-  /// `most`: number of clusters.
+  /// `most`: number of clusters; they are numbered from 0.
   void reset(Eigen::Index parameters, std::size_t most);
   /// `pull`: J' w e of one measurement.
   void add(std::size_t cluster, const util::SmallRef& pull) { pulls_[cluster] += pull; }

@@ -42,7 +42,7 @@ constexpr char kJpegXl[] = "is a JPEG XL picture; convert it to PNG, for example
 constexpr char kCameraRaw[] = "is a raw picture of a camera; develop it as PNG or TIFF";
 constexpr char kRos2[] = "is a recording of ROS 2; convert it to a bag with rosbags-convert";
 
-/// A format that is recognised by `bytes` from byte `at` of the file on.
+/// A file format whose files contain `bytes` at position `at`.
 struct KnownFormat {
   std::size_t at;
   std::string_view bytes;

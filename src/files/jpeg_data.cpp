@@ -20,18 +20,18 @@ std::size_t wordAt(Bytes bytes, std::size_t place) {
   return byteAt(bytes, place) << 8U | byteAt(bytes, place + 1);
 }
 
-/// The bits of a scan, up to the next marker.
+/// Reads the bits of a scan, up to the next marker.
 class Bits {
  public:
   Bits(Bytes bytes, std::size_t place) : bytes_(bytes), place_(place) {}
 
-  /// Empty at a marker.
+  /// The next bit; empty at a marker and at the end.
   std::optional<unsigned> next() {
     if (left_ == 0) {
       if (place_ >= bytes_.size()) return std::nullopt;
       value_ = static_cast<unsigned>(byteAt(bytes_, place_));
       if (value_ == 0xFF && byteAt(bytes_, place_ + 1) != 0) return std::nullopt;
-      place_ += value_ == 0xFF ? 2 : 1;  // a zero follows that is no data
+      place_ += value_ == 0xFF ? 2 : 1;  // FF in the data is followed by a stuffed zero
       left_ = 8;
     }
     return value_ >> --left_ & 1U;
@@ -42,7 +42,7 @@ class Bits {
     }
     return true;
   }
-  /// Passes the marker of a restart, if it is the next one.
+  /// Skips to the next byte, and skips a restart marker there; false if there is none.
   bool restart() {
     left_ = 0;
     const std::size_t marker = byteAt(bytes_, place_ + 1);
@@ -58,7 +58,7 @@ class Bits {
   unsigned left_ = 0;
 };
 
-/// A table of codes as in the file: how many codes have 1 to 16 bits, and what they mean.
+/// A Huffman table as in the file: the number of codes of each length, and the values of the codes.
 struct Codes {
   std::array<std::size_t, 16> counts{};
   std::vector<std::size_t> meanings;
@@ -85,12 +85,12 @@ struct Codes {
 
 struct Component {
   std::size_t id = 0;
-  std::size_t columns = 1;  // blocks in a unit
+  std::size_t columns = 1;  // width of a unit (MCU) in blocks
   std::size_t rows = 1;
-  std::size_t tables = 0;  // number of the first coefficient's codes, times 16, and of the others'
+  std::size_t tables = 0;  // numbers of the Huffman tables: 16 * DC table + AC table
 };
 
-/// What is needed to count the units of a scan, each of which has blocks of all components.
+/// The parts of a JPEG that are needed to count the units (MCUs) of a scan with all components.
 struct Jpeg {
   std::array<Codes, 4> first_codes;
   std::array<Codes, 4> other_codes;
@@ -98,7 +98,7 @@ struct Jpeg {
   std::size_t width = 0;
   std::size_t height = 0;
   std::size_t interval = 0;  // units between restarts; 0: no restarts
-  std::size_t scan = 0;      // where its data begin; 0: there is no such scan
+  std::size_t scan = 0;      // position of the data of a scan with all components; 0: none
 };
 
 void readCodes(Bytes segment, Jpeg& jpeg) {
@@ -123,11 +123,11 @@ void readFrame(Bytes segment, Jpeg& jpeg) {
     each = {byteAt(segment, place), blocks >> 4U, blocks & 15U, 0};
     place += 3;
   }
-  // A single component has units of one block.
+  // If there is only one component, a unit is one block.
   if (jpeg.components.size() == 1) jpeg.components[0].columns = jpeg.components[0].rows = 1;
 }
 
-/// Whether the scan has all components.
+/// Reads the numbers of the Huffman tables. Returns whether the scan has all components.
 bool readScan(Bytes segment, Jpeg& jpeg) {
   const std::size_t count = byteAt(segment, 0);
   if (count != jpeg.components.size()) return false;
@@ -140,7 +140,7 @@ bool readScan(Bytes segment, Jpeg& jpeg) {
   return true;
 }
 
-/// `scan` is zero where the units cannot be counted.
+/// Reads the segments before the first scan. `scan` is 0 if the units cannot be counted.
 Jpeg parsed(Bytes bytes) {
   constexpr std::size_t kCodes = 0xC4, kScan = 0xDA, kInterval = 0xDD;
   Jpeg jpeg;
@@ -204,7 +204,7 @@ std::size_t unitsOf(const Jpeg& jpeg) {
   return parts(jpeg.width, kBlock * columns) * parts(jpeg.height, kBlock * rows);
 }
 
-/// What decoders fill in. The picture may be turned as its header says.
+/// Whether a corner, of any orientation, has the grey that decoders use for missing data.
 bool hasGreyCorner(const cv::Mat& picture) {
   constexpr std::uint8_t kFilled = 128;
   if (picture.empty() || picture.depth() != CV_8U) return false;

@@ -5,10 +5,9 @@
 
 namespace ktgp_orb::files {
 
-/// Whether data of a JPEG are missing although it has its end: `picture`, decoded from `bytes`, has
-/// grey in place of what is missing, and libraries do not say so. The data are counted only if the
-/// picture has this grey in a corner. False for progressive JPEGs, where the data come in several
-/// scans, and for what is no JPEG.
+/// Whether a JPEG that has its end marker lacks data. Decoders fill the missing part with grey and
+/// do not report it. `picture`: decoded from `bytes`; the data are counted only if a corner is
+/// grey. False for progressive JPEGs, whose data come in several scans, and for other formats.
 bool lacksData(std::string_view bytes, const cv::Mat& picture);
 
 }  // namespace ktgp_orb::files

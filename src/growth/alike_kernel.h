@@ -17,7 +17,7 @@ struct LocalFrame {
 };
 constexpr std::size_t kLocalFrameValues = 5;
 
-/// Cosine of the largest difference of two directions, 0.6 rad.
+/// Cosine of 0.6 rad, the largest difference between two similar directions.
 constexpr float kAlikeCosine = 0.825336F;
 constexpr float kAlikeLogScale = 0.587787F;  ///< logarithm of the largest ratio of two sizes, 1.8
 

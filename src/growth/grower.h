@@ -16,12 +16,12 @@ namespace ktgp_orb::growth {
 struct GrowthPlan {
   int rounds;
   double first_reach;   ///< radius of the region around the seed in round 0, px of the reference
-  double reach_factor;  ///< the reach is multiplied by this after each round
+  double reach_factor;  ///< factor of the reach from each round to the next
   float first_radius;   ///< search radius around the predicted positions in round 0, px
-  /// The radius is multiplied by this after each round, down to Grower::kLastRadius.
+  /// Factor of the radius from each round to the next; the radius ends at Grower::kLastRadius.
   float radius_factor;
-  /// Radius, px, at which the rounds may end. They end when the radius is at most this and the
-  /// whole reference is within reach.
+  /// The rounds end early if the search radius is at most this value, px, and the whole reference
+  /// is within reach.
   float enough_radius;
   /// Radius of the first search in the whole reference after the rounds, px; later searches halve
   /// it. Predictions outside the region of the rounds may be wrong by this distance.
@@ -35,10 +35,11 @@ struct GrowthPlan {
   std::size_t first_exact, more_exact, most_exact;
 };
 
-/// Plan for frames of the same scene. They have so many matches that the matches alone decide.
+/// Plan for frames of the same scene. Such frames have so many matches that the matches alone show
+/// whether a map is right.
 constexpr GrowthPlan kScenePlan{10, 120.0, 4.0 / 3.0, 15.F, 0.863413F, 0.F, 4.F, 4, 1, 4, 2, 12};
-/// Plan for a flat target, which may be small and have few matches. The images are compared later
-/// and decide.
+/// Plan for a flat target, which may be small and have few matches. Whether a map is right is
+/// decided later, by a comparison of the images.
 constexpr GrowthPlan kTargetPlan{7, 90.0, 1.4, 16.F, 0.83F, 10.F, 16.F, 1, 8, 3, 1, 8};
 
 /// Grows a map from a seed (Ferrari, Tuytelaars & Van Gool, ECCV 2004, expand and contract). Each
@@ -86,7 +87,7 @@ class Grower {
 
 /// Fits a homography, or an affine map if the pairs do not determine a homography. The weights of
 /// the pairs follow from their errors under the old `map`, relative to `radius` px. Returns false,
-/// with `map` unchanged, if the pairs do not determine an affine map either.
+/// with `map` unchanged, if the pairs do not even determine an affine map.
 bool refit(const PointPairs& pairs, float radius, Eigen::Matrix3d& map);
 
 }  // namespace ktgp_orb::growth

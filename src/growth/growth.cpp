@@ -33,9 +33,9 @@ struct Seed {
   std::int32_t pair;  // index of the pair among the pairs of this view
 };
 
-/// Support that a hypothesis has from mutual nearest neighbours in the whole image; see ShiftVotes.
+/// Support of a hypothesis by mutual nearest neighbours in the whole image; see ShiftVotes.
 struct Standing {
-  /// False if the images differ too much in scale or tilt for nearest neighbours.
+  /// False if the images differ so much in scale or tilt that nearest neighbours are seldom right.
   bool is_known = false;
   double share = 0.0;
   bool is_rivalled = false;
@@ -161,7 +161,7 @@ void HomographyGrowth::Impl::collectSeeds() {
 /// First guess of the map from reference to target. It is the affine map that fits the seed and its
 /// voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
-  // px; weight of the seed's own rotation and scale, see fitAffineNear.
+  // px; sets the weight of the seed's own rotation and scale, see fitAffineNear.
   constexpr double kReach = 30.0;
   const View& view = views[static_cast<std::size_t>(seed.view)];
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
@@ -249,8 +249,9 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Grows the best hypothesis again, shifted by each repetition of the scene, until the best
-/// hypothesis is one whose repetitions were already tried, at most three times.
+/// Grows the best hypothesis again, shifted by each repetition of the scene, at most three times,
+/// with the new best hypothesis each time. Ends early if the repetitions of the best hypothesis
+/// were already tried.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -343,7 +344,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  // Keypoints of simulated views have higher numbers.
+  // Keypoints with higher numbers belong to simulated views.
   const auto own = static_cast<std::int32_t>(own_size);
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;

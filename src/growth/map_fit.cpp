@@ -34,8 +34,8 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Adds the equation `row` h = `value` to the normal equations. It adds column by column, because
-/// Eigen products of these sizes take long to compile.
+/// Adds the equation `row` h = `value` to the normal equations. This is done column by column,
+/// because Eigen products of these sizes take long to compile.
 void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8& products) {
   const Vector8 weighted = weight * row;
   for (int i = 0; i < 8; ++i) sums.col(i) += row[i] * weighted;

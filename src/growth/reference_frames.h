@@ -37,7 +37,7 @@ class ReferenceFrames {
 
  private:
   struct View {
-    std::size_t begin, end;     // the view's keypoints are [begin, end)
+    std::size_t begin, end;     // the view has the keypoints [begin, end)
     Eigen::Matrix2d from_view;  // linear part of the map from the view to the reference
     Eigen::Matrix2f to_view;    // inverse of from_view
   };

@@ -104,12 +104,13 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
 }
 
 // The limit was measured on drawn pages of symbols, tables, facades and circuit boards, with shares
-// less one standard deviation: the share of a right homography was at least 2.4 times the share of
-// any other shift, and the share of a wrong homography was less than 1.4 times the share of the
-// best other shift.
+// reduced by one standard deviation: the share of a right homography was at least 2.4 times the
+// share of any other shift, and the share of a wrong homography was less than 1.4 times the share
+// of the best other shift.
 bool ShiftVotes::isRivalled() const {
   constexpr double kClear = 2.0;
-  // Votes; fewer may be due to chance, for example if the images differ by a strong tilt.
+  // Minimum number of votes; fewer votes may be due to chance, for example if the images differ by
+  // a strong tilt.
   constexpr double kEvident = 8.0;
   const auto certain = [](const Peak& peak) {
     return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);

@@ -18,8 +18,8 @@ namespace ktgp_orb::growth {
 /// neighbour in the whole image is chosen among all copies of a thing, so only things that exist
 /// once keep voting for the right shift. Each pair of mutual nearest neighbours votes for the shift
 /// between its target point and the predicted point. A shift by one period also changes the overlap
-/// of the images. So votes are compared as shares of the pairs that both images could show at that
-/// shift.
+/// of the images. So the votes of each shift are divided by the number of pairs that both images
+/// could show at this shift.
 class ShiftVotes {
  public:
   struct Peak {
@@ -36,9 +36,9 @@ class ShiftVotes {
   const Peak& own() const { return own_; }
   /// The shifts with the most votes except the own shift {0, 0}, at most 16.
   const std::vector<Peak>& others() const { return others_; }
-  /// Whether another shift has at least half the share of votes that the own shift has, with both
-  /// shares less one standard deviation. A shift with fewer than eight votes is ignored, because it
-  /// may be due to chance.
+  /// Whether another shift has at least half the share of votes that the own shift has, after both
+  /// shares were reduced by one standard deviation. A shift with fewer than eight votes is ignored,
+  /// because it may be due to chance.
   bool isRivalled() const;
 
  private:

@@ -74,7 +74,8 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
     reference_cells_.assign(slots, kEmpty);
     target_cells_.assign(slots, kEmpty);
     double sum = 0.0;
-    // Largest distance counted so far. Near matches come first, so a cell counts its best match.
+    // Largest Hamming distance counted so far. Similar matches come first, so a cell counts its
+    // best match.
     int above = -1;
     for (const int limit : kDistances) {
       for (const LocalMatch& m : matches) {
@@ -105,8 +106,8 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
-  // First assumes that the decoys have no matches, because most wrong homographies fail even this
-  // test, and it is cheap.
+  // We first assume that the decoys have no matches. This test is cheap, and most wrong
+  // homographies already fail it.
   const auto matched = static_cast<std::size_t>(own.back());
   Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
@@ -207,11 +208,12 @@ void Verdict::include(const Decoy& decoy) {
 }
 
 /// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
-/// matches that are not due to chance. The excess of these decoys over the other decoys is cut off
-/// here; the homography must still be well above the best decoy (kAboveLargest).
+/// matches that are not due to chance. Here the counts of these decoys are limited to little more
+/// than the counts of the other decoys. The homography must nevertheless be well above the best
+/// decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   constexpr std::size_t kRepeats = kDecoys / 12;  // number of decoys whose shift may be a period
-  // Matches by which chance may raise a decoy above the other decoys.
+  // Number of matches by which a decoy may exceed the other decoys by chance.
   constexpr double kBeyond = 2.0;
   Chance chance{0.0, 1.0};
   std::array<double, kDecoys> counts;
@@ -228,7 +230,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
     all_chances += decoy.chances;
   }
   chance.rate = sum / all_chances;
-  // Sum over the decoys of the squared excess, divided by the expected number.
+  // Sum over the decoys of the squared deviation from the expected number, divided by this number.
   double squares = 0.0;
   for (const Decoy& decoy : decoys_) {
     const double expected = chance.rate * std::max(decoy.chances, 1.0);
@@ -241,9 +243,9 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
-  constexpr double kDeviations = 2.0;  // standard deviations of the difference of two counts
-  constexpr double kElsewhere = 10.0;  // least distance of contradicting places, px of the target
-  // More than one in this many matches of the rival must contradict.
+  constexpr double kDeviations = 2.0;  // limit of the difference, in standard deviations
+  constexpr double kElsewhere = 10.0;  // px: a reprojection error above this contradicts
+  // The rival contradicts only if more than 1 / kShare of its matches do.
   constexpr std::size_t kShare = 4;
   constexpr double kSide = 32.0;  // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);

@@ -101,7 +101,7 @@ class Verdict {
   void include(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
-  // Largest rates of all decoys and repetitions at each level, in matches per opportunity.
+  // For each level, the largest rate of all decoys and repetitions, in matches per opportunity.
   Counts largest_{};
   std::vector<cv::Point2f> repeats_;  // px
   std::vector<int> bin_votes_;        // number of votes for each bin of displacements
@@ -116,14 +116,14 @@ struct Grown {
   Eigen::Matrix3d map;
   Judgement judgement;
   std::vector<LocalMatch> matches;
-  PointPairs pairs;                  // the pairs of `matches`
+  PointPairs pairs;                  // point pairs of `matches`
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
   bool grew_from_repeats = false;    // whether this homography was grown again from its repetitions
 };
 
 /// A facade also fits itself if it is shifted by one window, and a rose window if it is rotated by
 /// one spoke. A homography with such a shift or rotation is not due to chance, but may be wrong.
-/// Returns true under two conditions: `rival` does not have significantly fewer matches than
+/// Returns true if two conditions hold: `rival` does not have significantly fewer matches than
 /// `grown`, and more than a quarter of the rival's matches are at places of the target that `grown`
 /// covers, too, but show other places of the reference. `target`: size of the target. `covered`:
 /// buffer.

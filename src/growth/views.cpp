@@ -33,7 +33,8 @@ struct Placed {
   cv::Size size;
 };
 
-/// The part of `image` from which these columns are drawn, with a rim for the interpolation.
+/// The part of `image` that is needed to draw these columns of the view, with a rim for the
+/// interpolation.
 cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size& image) {
   constexpr double kRim = 2.0;  // px
   const Eigen::Matrix2d back = placed.map.leftCols<2>().inverse();
@@ -48,7 +49,8 @@ cv::Rect partFor(const cv::Range& columns, const Placed& placed, const cv::Size&
   return cv::Rect({first.x(), first.y()}, cv::Point(last.x(), last.y())) & cv::Rect({0, 0}, image);
 }
 
-/// Warps the image into its box, part by part, since OpenCV warps at most 32766 rows or columns.
+/// Warps the image into its bounding box, part by part, since OpenCV warps at most 32766 rows or
+/// columns.
 cv::Mat drawn(const cv::Mat& image, const Placed& placed) {
   constexpr int kColumns = 4096;
   cv::Mat result(placed.size, image.type(), cv::Scalar(0));
@@ -108,10 +110,10 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
   return squeezed;
 }
 
-/// Long images, such as a tape or a panorama, would fill a square as long as the image if rotated
-/// by 45 degrees. So a view of a long image is turned until its long side lies along the rows; the
-/// view is then hardly larger than the image. Views may be turned, since descriptors do not depend
-/// on the rotation.
+/// Whether an image is long, such as a tape or a panorama. Rotated by 45 degrees, a long image
+/// would fill a square as long as the image. So a view of it is turned until its long side lies
+/// along the rows, and is then hardly larger than the image. Views may be turned, since descriptors
+/// do not depend on the rotation.
 bool isLong(const cv::Size& size) {
   // Above this ratio, the square is more than three times as large as the image.
   constexpr int kRatio = 4;
@@ -164,9 +166,9 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   return view;
 }
 
-/// The image with at most as many pixels as a square of 2500 px, the size at which large targets
-/// are searched, too. A turned one takes less than four times its pixels, so memory and time of a
-/// view have a bound whatever the image.
+/// Shrinks an image that has more pixels than a square of 2500 px, the size at which large targets
+/// are searched for. A rotated image takes less than four times as many pixels as the image, so
+/// memory and time for a view are bounded for any image.
 cv::Mat withoutExcess(const cv::Mat& image) {
   constexpr double kMostPixels = 2500.0 * 2500.0;
   const double scale = std::sqrt(kMostPixels / static_cast<double>(image.total()));

@@ -10,9 +10,9 @@ namespace {
 constexpr float kReach = 120.F;
 constexpr float kCosine = 0.877583F;    // cosine of the largest difference of rotation, 0.5 rad
 constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of scales, 1.6
-// Largest error of the predicted position: a constant part, px of the target.
+// Constant part of the largest error of the predicted position, px of the target.
 constexpr float kSlack = 4.F;
-// Second part of this error, as a share of the distance of the two matches.
+// Second part of this error, as a share of the distance of the two matches in the target.
 constexpr float kRelativeSlack = 0.45F;
 
 constexpr float kCell = 8.F;  // px
@@ -25,7 +25,7 @@ std::size_t cellsAlong(int length) {
 /// is outside.
 std::uint32_t cellOf(float x, float y, const cv::Size& size) {
   const auto clamped = [](float v, std::size_t count) {
-    // With this form of the comparison, NaN gets a cell, too.
+    // The comparison is written so that NaN gets cell 0.
     return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
                       : std::size_t{0};
   };

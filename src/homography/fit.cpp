@@ -16,8 +16,7 @@ using FloatPoints = PointArrays<float>;
 
 namespace {
 
-/// Squared reprojection errors of eight pairs. The error of points on or beyond the horizon is set
-/// to a huge value.
+/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge error.
 FloatPoints::Lanes squaredErrors(const FloatPoints& points, const Eigen::Matrix3f& h,
                                  std::size_t first) {
   using Lanes = FloatPoints::Lanes;
@@ -38,7 +37,7 @@ double diagonalOf(const FourPoints& corners) {
 
 float msacCost(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
                float give_up) {
-  // Number of pairs between two checks whether the sum exceeds `give_up`.
+  // Number of pairs after which we check whether the sum exceeds `give_up`.
   constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;
   const Eigen::Matrix3f h = homography.cast<float>();
   const float limit2 = static_cast<float>(limit * limit);
@@ -112,8 +111,8 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
   constexpr double kMaxDeviation = 10.0;         // px, largest deviation at the worst corner
-  constexpr double kMaxDeviationWithout = 20.0;  // px, the same limit if some pairs are left out
-  // Number of pairs to test first; if these determine H, all pairs do.
+  constexpr double kMaxDeviationWithout = 20.0;  // px, the limit if some pairs are left out
+  // Number of pairs to test first. If these pairs determine H, so do all pairs.
   constexpr std::size_t kEnough = 100;
   FourPoints normalised_corners;
   for (std::size_t i = 0; i < 4; ++i) normalised_corners[i] = pairs.reference.apply(corners[i]);
@@ -175,9 +174,9 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
                                             const EvidenceOptions& options,
                                             const Eigen::Matrix3d& homography) {
   constexpr double kNearby = 16.0;  // px, the side of the patches that alignment uses
-  // If a smooth field is assumed although none exists, the covariance becomes too large: by much
-  // for keypoints, whose noise is large, and by little for aligned points. So keypoints must show a
-  // field with more significance.
+  // If we assume a smooth field although none exists, the covariance becomes too large: much too
+  // large for keypoints, whose noise is large, and slightly too large for aligned points. So for
+  // keypoints the field must be more significant.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
@@ -198,7 +197,7 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   const double rounding = options.rounding * pairs.target.scale;
   // If the grey values are noisy, their rounding differs from patch to patch and is part of the
   // noise that the errors show. Only the rest of the rounding error is similar for neighbouring
-  // pairs.
+  // pairs and is added here.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;
@@ -225,7 +224,7 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell) {
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
   constexpr double kFoundWithError = 3.0;       // px
   constexpr double kFoundWithDiagonal = 800.0;  // px
-  constexpr double kScale = 1.0;  // px: every scene deviates from a plane by this much
+  constexpr double kScale = 1.0;  // px: every scene deviates from a plane by about this much
   const double diagonal = std::hypot(reference_size.width, reference_size.height);
   const double size = diagonal / kFoundWithDiagonal;
   return {max_error * size, kScale * max_error / kFoundWithError * size, true};

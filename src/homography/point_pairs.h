@@ -14,7 +14,7 @@
 namespace ktgp_orb::homography {
 
 /// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`. x,
-/// y: reference points; u, v: target points; both in the units of the homography.
+/// y: reference points; u, v: target points. The units are the units of the homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;
@@ -139,8 +139,8 @@ struct NormalisedPairs {
   PointArrays<float> scoring;
   PointArrays<double> refinement;  // pairs for the refinement, which needs double precision
   double limit = 0.0;              // the inlier threshold in normalised target units
-  // Lower limits of the doubled area of the triangles in a sample, in normalised units. They equal
-  // the squared threshold.
+  // Lower limits of the doubled area of the triangles in a sample, in normalised units. They are
+  // set to the squared inlier threshold.
   double min_reference_area = 0.0;
   double min_target_area = 0.0;
 

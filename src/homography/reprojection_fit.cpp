@@ -104,8 +104,8 @@ class ReprojectionSums {
     return {sum(sums[0]), sum(sums[1]), sum(sums[2]), sum(sums[3]), sum(sums[4])};
   }
 
-  /// [x y z]^T [x y], with each product times u or v. This block of J^T w J couples the last two
-  /// parameters with the others.
+  /// The block of J^T w J that couples the last two parameters with the others: [x y z]^T [x y],
+  /// with each product times u or v.
   static Eigen::Matrix<double, 3, 2> border(const Lanes (&sums)[5]) {
     const auto [xx, xy, xz, yy, yz] = totals(sums);
     Eigen::Matrix<double, 3, 2> matrix;
@@ -185,7 +185,7 @@ void ReprojectionFit::Problem::linearise(const Eigen::Matrix3d& homography, Robu
   sums.squares = jtj;
   sums.gradient = jtr;
   sums.weight = sum(all);
-  // The mean of d(t e)/de over the two directions of the error is t² f / (f + 2).
+  // An error e has the weight t. The mean of d(t e)/de over its two directions is t² f / (f + 2).
   constexpr double kShare = estimation::kStudentFreedom / (estimation::kStudentFreedom + 2.0);
   sums.derivative = sum(derivatives) * kShare;
   sums.square = sum(squares);
@@ -203,8 +203,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
   }
   selected.size = n;
   // If the number of pairs is odd, the last pair is processed together with a padding pair of
-  // weight zero. The padding is cleared, because an old point in it could lie on the horizon of the
-  // next H, and zero times infinity is NaN.
+  // weight zero. The padding is cleared, because it may contain an old point that lies on the
+  // horizon of the next H, and zero times infinity is NaN.
   if (n < selected.paddedSize()) selected.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
   fit_.weights().reset(n, 2, kEntries);
   by_cell_ = false;
@@ -260,8 +260,8 @@ bool ReprojectionFit::minimise(double min_scale, double& scale, Eigen::Matrix3d&
   return true;
 }
 
-/// With the weights by cell (factor c), the covariance is A^-1 (J^T c w J) A^-1 with A = J^T w J
-/// (White 1980), not A^-1.
+/// If the pairs are weighted by cell (factor c), the covariance is not A^-1 with A = J^T w J, but
+/// A^-1 (J^T c w J) A^-1 (White 1980).
 Matrix8 ReprojectionFit::covariance() const {
   const Matrix8 inverted = estimation::inverseOf(fit_.sums().squares);
   if (!by_cell_) return variance_factor_ * inverted;

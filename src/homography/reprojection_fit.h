@@ -38,7 +38,7 @@ class ReprojectionFit {
   /// false if the pairs do not determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
-  /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
+  /// Covariance of the eight entries after minimise(); the scale of the errors is treated as known.
   Matrix8 covariance() const;
 
   /// The covariance of a fit to the first `count` pairs without the pairs whose index modulo

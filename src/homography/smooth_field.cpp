@@ -33,7 +33,7 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  // Correlation length l, as a share of the diagonal; measured in method.md.
+  // Correlation length l, as a share of the diagonal; method.md describes the measurement.
   constexpr double kLength = 0.6;
   // With fewer pairs, the fit of H's eight entries removes nearly all errors, so that nothing is
   // left to estimate the field from.
@@ -88,7 +88,7 @@ SmoothField::Moment SmoothField::singleMoment(const PairSums& of_pairs, const Ce
 /// Moment of the products of the errors of near pairs: sum of w w' r·r' over couples of pairs in
 /// one cell or in adjacent cells. The expectation has the form given in singleMoment(). The
 /// products of a pair with itself (moment `single`) and of couples that share noise are left out.
-/// The fit treats couples that share noise like one point.
+/// In the expectations, the two pairs of a couple that shares noise are treated as one point.
 SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const CellSums& of_cells,
                                             const Fitted& fitted, const Moment& single) {
   const double weights2 = of_pairs.weights2;
@@ -108,8 +108,8 @@ SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const Cell
 
 void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
                                  const Moment& single, FieldFit& result) {
-  // Variance of the error that all pairs share, as a share of the variance of the noise; see
-  // FieldFit::common_covariance.
+  // Variance of the error that all pairs have in common, as a fraction of the variance of the
+  // noise; see FieldFit::common_covariance.
   constexpr double kCommon = 0.02;
   // A field that is correlated over most of the image gives only about this number f of independent
   // values. Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
@@ -193,7 +193,7 @@ SmoothField::Matrix8 SmoothField::spreadOfRounding(double length, double cell_si
   Matrix8 spread = Matrix8::Zero();
   for (const Cell& cell : cells_) spread += cell.slope * cell.smoothed.transpose();
   // The sums above use exp(-d/l) = 1 for pairs within one cell. We correct this by the mean of
-  // exp(-d/l) in a cell.
+  // exp(-d/l) over two points of a cell.
   const double share = length / cell_side;
   const double along = 2.0 * share * (1.0 - share * (1.0 - step_));
   return along * along * spread;
@@ -203,7 +203,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
                               const Eigen::Matrix3d& homography) {
   constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
-  pairs_.reserve(kMost);  // allocates once, and not again when the number of pairs grows
+  pairs_.reserve(kMost);  // allocates once, for any number of pairs
   squared_.reserve(kMost);
   by_x_.reserve(kMost);
   pairs_.resize(count);
@@ -226,7 +226,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
 }
 
 /// A few wrong pairs side by side would look like a field. So errors are limited to five standard
-/// deviations. The standard deviation is estimated from the median.
+/// deviations, which are estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
   // Median of |r|², divided by the variance per coordinate, for normal errors in two coordinates.

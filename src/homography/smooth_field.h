@@ -15,7 +15,7 @@ inline constexpr double kCellsAlongDiagonal = 16.0;
 /// Settings for the estimation of the smooth field; lengths are in units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
-  /// Minimum significance of a field. The unit is the standard deviation that the estimate has if
+  /// Minimum significance of a field, in units of the standard deviation that the estimate has if
   /// there is only noise.
   double significance = 0.0;
   /// Pairs may share noise if their distance in x and in y is below this length.
@@ -62,11 +62,11 @@ struct FieldFit {
 /// a cell. Pairs that may share noise (FieldScales::nearby) are left out.
 ///
 /// Positions are rounded, keypoints to whole pixels. The rounding error of a displacement depends
-/// on the fraction of a pixel in the displacement. So neighbours have similar rounding errors,
-/// which residuals do not show: if the image moves by a fifth of a pixel, nearly all keypoints stay
-/// on the same pixel. Rounding errors are treated as a field with known variance and the same
-/// covariance model, in which l is the distance over which the displacement changes by a pixel. If
-/// this distance is short, rounding errors average out. Keeps its buffers.
+/// on the fractional part of the displacement in px. So neighbouring pairs have similar rounding
+/// errors, and the residuals do not show these errors: if the image moves by a fifth of a pixel,
+/// nearly all keypoints stay on the same pixel. Rounding errors are treated as a field with known
+/// variance and the same covariance model, in which l is the distance over which the displacement
+/// changes by a pixel. If this distance is short, rounding errors average out. Keeps its buffers.
 class SmoothField {
  public:
   /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
@@ -117,8 +117,8 @@ class SmoothField {
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over the cells of the products that are named below. V: sum of the slopes of a cell and
-  /// of the cells that touch it.
+  /// Sums over all cells of the products named at each field. V: sum of the slopes of a cell and of
+  /// the cells that touch it.
   struct CellSums {
     Matrix8 spread = Matrix8::Zero();      // sum of slope' smoothed: J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2' smoothed

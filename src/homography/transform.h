@@ -10,8 +10,8 @@
 
 namespace ktgp_orb::homography {
 
-/// Inline version of reprojectionError() for the loops of the core, where a function call for each
-/// pair would take longer than the arithmetic.
+/// Inline version of reprojectionError() for inner loops, where a function call for each pair would
+/// take longer than the arithmetic.
 inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                       const Eigen::Vector2d& target) {
   const Eigen::Vector3d p = homography * reference.homogeneous();
@@ -22,9 +22,9 @@ using FourPoints = std::array<Eigen::Vector2d, 4>;
 
 /// Computes the homography that maps four reference points to four target points, in closed form.
 /// Returns false, without solving, if the homography cannot be the view of a plane from one side.
-/// This is so if a triangle of three of the points is flat (its doubled area is below the minimum,
-/// because points are collinear or equal), or if it has opposite orientations in the two images. On
-/// success, H x has a positive third coordinate at the four points.
+/// This is the case if three of the points form a flat triangle (its doubled area is below the
+/// minimum, because points are collinear or equal), or a triangle with opposite orientations in the
+/// two images. On success, H x has a positive third coordinate at the four points.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography);
@@ -46,9 +46,9 @@ bool scaleLastToOne(Eigen::Matrix3d& homography);
 /// points.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
-/// True if H can show the plane over the whole image from one side: it mirrors nothing (det H >
-/// 0 with a positive third coordinate), and its horizon, the line that is mapped to infinity, stays
-/// clear of the corners and so of the image.
+/// True if H can show the plane over the whole image from one side: it mirrors nothing (det H > 0
+/// with a positive third coordinate), and its horizon, the line that is mapped to infinity, does
+/// not come near the corners, and so does not cross the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
 
 /// Maps an image to the resized image, px; the centre of the first pixel is (0, 0) in both.
@@ -73,8 +73,8 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const FourPoints& corners);
 
 /// The homography that applies `first` and then `second`, with its covariance to first order.
-/// Covariances of noise add. Deviations of shared errors add, because the same error twice has
-/// twice the deviation and four times the variance.
+/// Covariances of noise add. Of shared errors, the deviations add, because the same error occurs
+/// twice: this gives twice the deviation and four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
 /// Calls `visit` for each scalar field of an answer (UncertainHomography). The arguments are the

@@ -41,8 +41,8 @@ void labelEach(const UncertainHomography& answer, const PointPairs& pairs, doubl
 bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
                                const cv::Size& reference_size, double threshold,
                                ProsacResult& result) {
-  // A wrong homography seldom shows the whole image from one side. If a plane is only partly in
-  // view, this evidence is missing, so its inliers must be more significant.
+  // A wrong homography seldom shows the whole image from one side. If the plane is only partly in
+  // view, this evidence is missing, so the inliers must be more significant.
   constexpr double kLogMaxOfAPart = -12.0;  // log10 of the largest accepted NFA
   const FourPoints corners = imageCorners(reference_size, pairs.reference);
   const Eigen::Matrix3d view = facing(answer.homography);
@@ -67,7 +67,7 @@ bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double thre
   const double covered_area = estimation::coveredArea(pairs.target);
   // The bound on NFA holds for any order of the inliers, if the largest error of the inliers
   // counted so far is used. Good homographies pass after a few inliers in the order of the input.
-  // Only for poor homographies, the inliers must be sorted.
+  // Only for poor homographies do we have to sort the inliers.
   if (!explainable(pairs, threshold, covered_area, log_limit)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;

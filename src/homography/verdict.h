@@ -23,8 +23,8 @@ class HomographyVerdict {
  public:
   /// Returns whether the homography of `answer`, in px, can be trusted. `pairs`: the matches that
   /// it is compared with; `threshold`: inliers have a smaller reprojection error, px.
-  /// `reference_size` may be empty (see imageCorners). Always labels `result` with the homography
-  /// (see label), since label needs the same errors.
+  /// `reference_size` may be empty (see imageCorners). In any case, sets `result` as label() does,
+  /// because both functions need the same errors.
   bool trusts(const UncertainHomography& answer, const PointPairs& pairs,
               const cv::Size& reference_size, double threshold, ProsacResult& result);
 

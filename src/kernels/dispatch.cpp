@@ -43,8 +43,8 @@ Kernels makeKernels() {
   if (hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
 #if !HWY_NATIVE_FMA
-  // The blur is defined with fused multiply-adds. This instruction set has none, so the portable
-  // loop, which emulates them, is used.
+  // The blur is defined with fused multiply-adds. This instruction set has no fused multiply-add,
+  // so the portable loop is used, which emulates it.
   set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;
   set.orb.blur_across_rows = orb::portableOrbKernels().blur_across_rows;
 #endif
@@ -80,7 +80,7 @@ bool hasFastGathers() {
   unsigned c = 0;
   unsigned d = 0;
   constexpr unsigned kExtendedFeatures = 7;
-  constexpr unsigned kAvx512Fp16 = 1U << 23;  // in register d
+  constexpr unsigned kAvx512Fp16 = 1U << 23;  // bit in register d
   return __get_cpuid_count(kExtendedFeatures, 0, &a, &b, &c, &d) != 0 && (d & kAvx512Fp16) != 0;
 #else
   return false;

@@ -16,10 +16,10 @@ struct Kernels {
   orb::OrbKernels orb;
 };
 
-/// Whether gather instructions are faster than reading values one by one. This is so on Intel
+/// Whether gather instructions are faster than reading values one by one. They are faster on Intel
 /// processors with AVX-512 FP16 (Sapphire Rapids and later). On other processors, gathers take up
-/// to four times as long as single reads. On older Intel processors, the reason is that the
-/// microcode slows gathers down for security (Downfall).
+/// to four times as long as single reads; on older Intel processors this is because the microcode
+/// slows gathers down for security (Downfall).
 bool hasFastGathers();
 
 }  // namespace ktgp_orb

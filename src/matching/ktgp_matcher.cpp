@@ -78,7 +78,7 @@ class Chain {
         alignment_(given.alignment, given.prosac.max_error),
         two_view_(twoViewOptions(given)) {}
 
-  /// Lists the stages that are on, as stages that have not run yet.
+  /// Lists the stages that `options` switch on. None of them has run yet.
   static void nameStages(const MatcherOptions& options, MatchResult& result);
   void run(const Features& reference, const Features& target, const MatchHints& hints,
            MatchResult& result);
@@ -86,7 +86,7 @@ class Chain {
   const MatcherOptions options;
 
  private:
-  /// One pair of frames on its way through the stages.
+  /// Input and results of one pair of frames, which the stages share.
   struct Context {
     const Features& reference;
     const Features& target;
@@ -204,8 +204,8 @@ void Chain::runStages(const Stage* first, Context& context) {
   }
 }
 
-/// Whether the best homography stands still, as hot pixels do, while other matches agree that the
-/// scene moves. If so, drops the matches that stand still.
+/// Whether the best homography comes from matches that stand still, such as hot pixels, while other
+/// matches agree that the scene moves. If so, drops the matches that stand still.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;

@@ -9,10 +9,10 @@ namespace ktgp_orb::metrics {
 
 namespace {
 
-constexpr double kAlike = 0.6;  // minimum correlation; a tilted checkerboard reaches 0.65 to 0.95
+constexpr double kAlike = 0.6;  // least correlation; tilted checkerboards reach 0.65 to 0.95
 
 bool isPlain(const cv::Mat& picture) {
-  // Grey levels; with less contrast, OpenCV finds the part everywhere.
+  // Grey levels; in a part with less contrast, OpenCV finds a match everywhere.
   constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);

@@ -26,9 +26,9 @@ namespace {
 using mosaic::TileMap;
 using mosaic::Turn;
 
-constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
-// A frame becomes a keyframe when the keyframes cover less than this share of it: enough for a sure
-// match of the next one.
+constexpr std::size_t kPathLength = 300;  // number of frames that may arrive during one placement
+// A frame becomes a keyframe if the keyframes cover less than this share of the frame. The next
+// frame then overlaps enough with a keyframe for a reliable match.
 constexpr double kKeyframeOverlap = 0.6;
 // A frame is drawn if the view has moved by at least this share of the frame's width. A smaller
 // motion would hardly be visible.
@@ -47,15 +47,15 @@ constexpr std::int64_t kPredictable = 100'000'000;
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
-// A frame that is so many times farther off a turn than testTurn() allows has moved.
+// A frame that deviates from a pure turn by more than this multiple of largestOff() has moved.
 constexpr double kMoved = 4.0;
 // Number of poses that are kept for testTurn(). The test is repeated while the distance between the
 // middles of the newest and the first frame is between kFirstTest and kLastTest, in frame widths.
 constexpr std::size_t kTurnPoses = 20;
 constexpr double kFirstTest = 0.25;
 constexpr double kLastTest = 4.0;
-// px of deviation from a plane. Measured: 0.02 in a flight over flat ground, 0.3 over a table that
-// is filmed by hand, 0.8 over a patio.
+// Deviation of the pairs from a plane that counts as parallax, px. Measured: 0.02 in a flight over
+// flat ground, 0.3 over a table that is filmed by hand, 0.8 over a patio.
 constexpr double kParallax = 0.5;
 
 std::size_t tilesFor(const MosaicOptions& options) {
@@ -89,14 +89,14 @@ struct Mosaic::Impl {
   TileMap tiles;
   mosaic::Keyframes keyframes;
   std::optional<Eigen::Matrix3d> camera;    // K, if it is given
-  Turn turn;                                // what testTurn() said last about this map
-  std::vector<Eigen::Matrix3d> turn_poses;  // of frames all over the map
-  double next_test = kFirstTest;            // distance from the first frame, widths
-  double closed_off = 0.0;                  // px, where a full turn met its beginning
+  Turn turn;                                // last result of testTurn() for this map
+  std::vector<Eigen::Matrix3d> turn_poses;  // poses of drawn frames all over the map
+  double next_test = kFirstTest;            // distance of the next testTurn(), frame widths
+  double closed_off = 0.0;                  // largest gap at the end of a full turn, px
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
-  cv::Mat exposed;  // colour with the brightness of the map
+  cv::Mat exposed;  // `colour`, adjusted to the brightness of the map
   cv::Mat seen;     // newest frame (BGR) if it is not drawn yet; image() draws it
   std::optional<Eigen::Matrix3d> seen_pose;
 
@@ -191,8 +191,8 @@ struct Mosaic::Impl {
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
-  /// Remembers a homography that comes late, since the frame may have moved by several periods of
-  /// repetitive ground.
+  /// Records that a homography came late, since the frame may have moved by several periods of
+  /// repetitive ground in the meantime.
   void noteGap(std::int64_t stamp) {
     constexpr std::int64_t kLate = 3;  // intervals
     const std::int64_t passed = stamp - followed;
@@ -323,7 +323,7 @@ struct Mosaic::Impl {
     return !surface().isPlane() && tiles.area().width + 1 > surface().period();
   }
 
-  /// A jump to where the keyframes are, after a full turn: what has added up on the way.
+  /// Records the largest gap between the end of a full turn and its beginning, px.
   void noteClosing(const Eigen::Matrix3d& by_map, const Eigen::Matrix3d& by_chain) {
     if (!isClosed()) return;
     const double off = (surface().inFrame(by_map, middleInMap(by_chain)) - middle()).norm();
@@ -347,7 +347,7 @@ struct Mosaic::Impl {
   }
 
   /// Changes the map from the plane to a cylinder if the camera has only turned so far. Returns
-  /// whether it did.
+  /// whether the map has changed.
   bool bend() {
     if (!surface().isPlane()) return false;
     turn = mosaic::testTurn(turn_poses, size, camera);
@@ -389,7 +389,7 @@ struct Mosaic::Impl {
                         turn.degrees);
   }
 
-  /// Draws the placed frame if that adds something.
+  /// Draws the placed frame if the view has moved enough since the last drawn frame.
   Placement show() {
     if (!hasMoved()) {
       colour.copyTo(seen);

@@ -128,7 +128,7 @@ bool TileMap::draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map) {
 bool TileMap::draw(const Frame& frame) {
   cv::Rect bounds = boundsOf(outline(frame.colour.size(), frame.to_map));
   if (surface_.isPlane()) return drawIn(bounds, frame);
-  // Margin: the curved sides may leave the polygon.
+  // Add a margin, since the curved sides may leave the polygon.
   bounds = {bounds.tl() - cv::Point(2, 2), bounds.br() + cv::Point(2, 2)};
   const int turn = static_cast<int>(surface_.period());
   cv::Rect allowed = bounds;

@@ -21,7 +21,7 @@ class TileMap {
 
   void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }
 
-  /// What it is drawn on; at first and after clear() a plane.
+  /// The surface of the picture; a plane at first and after clear().
   const Surface& surface() const { return surface_; }
   /// Redraws the picture on a cylinder, and draws all further frames there. False, without a
   /// change, if the picture is too large to be redrawn.
@@ -29,14 +29,14 @@ class TileMap {
 
   /// Draws a frame (CV_8UC3) at the position `to_map`, frame -> first frame, scaled as the surface
   /// demands, and blends it with the existing picture. The weight of a pixel falls towards the
-  /// border of its frame, so there are no seams. A cylinder is one full turn long at most; what
-  /// goes on beyond its end is drawn at its beginning. False if a part did not fit.
+  /// border of its frame, so there are no seams. The picture on a cylinder covers at most one full
+  /// turn; parts beyond its end are drawn at its beginning. False if a part did not fit.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
   /// Factor that gives the frame the brightness of the map below it; 1 if the overlap is too small.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
-  /// The border of a frame in the map, near to what was drawn.
+  /// The border of a frame in the map. On a cylinder, it is moved by full turns to the drawn area.
   std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
   /// Bounds of what was drawn, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }

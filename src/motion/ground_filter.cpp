@@ -66,17 +66,17 @@ void GroundFilter::setReadout(double seconds) {
   is_known_ = seconds != -1.0;
   readout_ = is_known_ ? seconds : 0.0;
   allowed_ = 0.0;
-  const double deviation = kShare * std::abs(readout_);  // of one that is not known: allowReadout()
+  const double deviation = kShare * std::abs(readout_);  // 0 if unknown; see allowReadout()
   covariance_.row(kReadout).setZero();
   covariance_.col(kReadout).setZero();
   covariance_(kReadout, kReadout) = deviation * deviation;
 }
 
-/// A readout time that is not known is anywhere up to the time between two images, in both
-/// directions. Frames that are far apart say less: nearly every camera takes 30 images a second.
+/// An unknown readout time may be up to the time between two images, in both directions, but at
+/// most 1/30 s, since nearly every camera takes 30 images a second.
 void GroundFilter::allowReadout(double seconds) {
   constexpr double kLongest = 1.0 / 30.0;  // s
-  constexpr double kUniform = 3.0;         // square of a range in units of its variance
+  constexpr double kUniform = 3.0;         // r² / variance of a uniform distribution over [-r, r]
   const double longest = std::min(seconds, kLongest);
   if (is_known_ || !(longest > allowed_)) return;
   covariance_(kReadout, kReadout) += (longest * longest - allowed_ * allowed_) / kUniform;
@@ -314,7 +314,7 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
   const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
   const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
   const Matrix86 by_keyframe =
-      // Change of the entries of h.
+      // Change of the entries of h if the keyframe moves.
       -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));
   const Matrix6 follows =
       -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // change of the pose
@@ -344,8 +344,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
   expected.diagonal().array() += noise;
   const SmallMatrix gain = times(cross_covariance, inverseOf(expected));
   correct(times(gain, residual));
-  // This is Joseph's form, (I - K S) P (I - K S)' + K R K'. With the short form, (I - K S) P,
-  // rounding would make the matrix indefinite if readings are nearly exact.
+  // Joseph's form, (I - K S) P (I - K S)' + K R K'. With the short form, (I - K S) P, rounding
+  // would make the matrix indefinite if readings are nearly exact.
   covariance_ -= times(gain, cross_covariance.transpose());
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
   covariance_ += noise * times(gain, gain.transpose());

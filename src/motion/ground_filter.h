@@ -40,10 +40,10 @@ class GroundFilter {
 
   /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
   void setReadout(double seconds);
-  /// An image has been read when the next one begins: the readout time is at most `seconds`, the
-  /// time between two images. Before the first homography of the later one.
+  /// Allows an unknown readout time of up to `seconds`, the time between two images: an image has
+  /// been read when the next one begins. Call this before adding the second image.
   void allowReadout(double seconds);
-  /// The same after it, for the estimate.
+  /// Limits the estimate of the readout time to `seconds`. Call this after adding the second image.
   void limitReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
@@ -68,8 +68,8 @@ class GroundFilter {
   /// the homography is enlarged. If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// The rotation since the keyframe, which follows from this homography and the known plane.
-  /// Readings of turns are not used. Empty if no pose fits.
+  /// The rotation since the keyframe, computed from `motion` and the known plane. Readings of turns
+  /// are not used. Empty if no pose fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects the state by a reading of the newest pose. `of_kind`: noise that readings of this
@@ -137,7 +137,7 @@ class GroundFilter {
   CameraPose now_;
   double readout_ = 0.0;   // s
   double allowed_ = 0.0;   // the longest readout time that the covariance allows for, s
-  bool is_known_ = false;  // the readout time was given
+  bool is_known_ = false;  // whether the readout time was given
   StateCovariance covariance_ = StateCovariance::Zero();
   // The two constraints that the newest homography adds, scaled to unit noise, and their
   // derivatives with respect to the readout time and the map.

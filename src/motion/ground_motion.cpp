@@ -60,7 +60,7 @@ struct GroundMotion::Impl {
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
-  /// False where the last pose is of a frame that was dated ahead.
+  /// Whether the frame is later than the last pose, whose stamp may have been ahead of time.
   bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
@@ -74,7 +74,7 @@ struct GroundMotion::Impl {
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
   bool has_frame = false;
-  util::StampOrder order;  // of the stamps
+  util::StampOrder order;  // finds wrong stamps
   int looks_away = 0;      // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
@@ -136,12 +136,12 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
 }
 
 /// Whether the frame is left out because its stamp goes back; see StampOrder. A frame without a
-/// homography connects nothing, so it does not matter whether it is dated ahead.
+/// homography gives no pose, so a stamp ahead of its time does no harm.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  if (place.was_one_ahead) velocity.interrupt();  // the last one is of a wrong time
+  if (place.was_one_ahead) velocity.interrupt();  // the last velocity has a wrong duration
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
   return place.is_apart;
@@ -175,8 +175,8 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief the misfit of homographies comes from the plane, so the readings get more noise
-  // instead of the homography.
+  // Over relief, homographies misfit because the ground is not a plane, not because of noise. So
+  // Relief::widened enlarges the noise of the readings instead.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);

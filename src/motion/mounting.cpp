@@ -323,7 +323,7 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  // Share; the scale of cheap gyroscopes is specified to 3 %.
+  // Share; less than the 3 % to which the scale of cheap gyroscopes is specified.
   const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",

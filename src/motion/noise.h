@@ -42,7 +42,7 @@ struct Innovations {
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
     constexpr double kMost = 100.0;  // upper limit of the noise of a single measurement
-    // Misfit from which on a measurement contradicts, in standard deviations.
+    // A measurement with a larger misfit, in standard deviations, is a contradiction.
     constexpr double kDoubt = 4.0;
     variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
     const bool contradicts = innovation.misfit > kDoubt;
@@ -137,7 +137,7 @@ class TwistNoise {
   // Running means of the shares of turning, approach and shift, over 30 and over 300 twists.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
-  double learned_ = 0.0;  // number of twists so far
+  double learned_ = 0.0;  // number of twists that gave a share, at most 300
 };
 
 }  // namespace ktgp_orb::motion

@@ -54,7 +54,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   const Matrix8 slope = flowByEntries(back) / seconds;
   if (!same_reference && !follows) changes_ = 0.0;
   if (!same_reference && follows) reference_flow_ = flow_;
-  // No flow is known since a frame that was dated ahead.
+  // If an earlier stamp was ahead of its time, `seconds` is not positive and gives no flow.
   if (seconds > 0.0) follow(seen, slope * covariance * slope.transpose());
   if (!same_reference && !follows) reference_flow_ = flow_;
   stamp_ = stamp;
@@ -99,8 +99,9 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   return change.allFinite() ? change : Vector8::Zero();
 }
 
-/// A Kalman filter that follows a slowly varying flow. The gain along each eigenvector of the
-/// changes follows from how far the changes so far exceed noise.
+/// A Kalman filter that follows a slowly varying flow. It learns its gain from the mean squared
+/// change so far, in units of the noise: along each eigenvector, the gain is 0 if this mean may be
+/// noise, and grows with the mean otherwise.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);
@@ -112,8 +113,7 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   }
   const Vector8 change = root.matrixL().solve(seen - flow_);
   change_ += (change * change.transpose() - change_) / changes_;
-  // If the changes are only noise, the largest eigenvalue of their mean is about this (Marchenko
-  // and Pastur).
+  // About the largest eigenvalue of the mean if all changes are noise (Marchenko and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
   const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);

@@ -51,7 +51,7 @@ class Velocity {
   Matrix6 covariance_ = Matrix6::Zero();
   bool is_measured_ = false;  // whether a velocity was measured since the last gap
   TwistNoise noise_;
-  // These describe the newest refused frame.
+  // The next members describe the newest refused frame.
   std::int64_t refused_stamp_ = 0;
   std::int64_t refused_keyframe_ = 0;
   // Position of the camera in the filter's frame, m.

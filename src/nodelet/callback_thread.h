@@ -11,8 +11,8 @@ namespace ktgp_orb {
 
 /// A callback queue with its own thread.
 ///
-/// Callbacks of a nodelet do not run in the manager's threads. Such a thread keeps the nodelet
-/// alive during a callback and could destroy it after the unloading has returned, when the
+/// Callbacks of a nodelet do not run in the manager's threads, because a manager's thread keeps the
+/// nodelet alive during a callback and could destroy it after the unloading has returned, when the
 /// manager's other callback queue no longer exists.
 class CallbackThread {
  public:

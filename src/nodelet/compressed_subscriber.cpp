@@ -1,6 +1,6 @@
-// Compressed images, with the bounds of this package and where compressed_image_transport is not
-// installed; Debian 12 does not have it. The plugin has a name of its own, so that no other node of
-// the machine uses it in place of that one.
+// Receives compressed images. Applies the limits of this package, and works without
+// compressed_image_transport, which Debian 12 does not have. The plugin has its own name, so that
+// other nodes of the machine do not use it instead of the plugin of compressed_image_transport.
 #include <image_transport/simple_subscriber_plugin.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <pluginlib/class_list_macros.hpp>

@@ -45,7 +45,7 @@ class FrameConsumer : public ImageNode<Config, Work> {
     this->serveParameters();
   }
 
-  /// Further inputs, with kinds of jobs of their own.
+  /// Adds the other inputs of a derived class, which have their own kinds of jobs.
   virtual void addOwnInputs() {}
 
   void startWorker(std::unique_ptr<Work> work) {
@@ -76,8 +76,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
     this->worker_.template put<&Work::follow>(kHomography, 0, message);
   }
 
-  /// Homographies of raw images do not fit rectified ones. Empty where both are of one kind, or
-  /// where nothing says so.
+  /// Reports that homographies of raw images do not fit rectified images, or vice versa. Empty if
+  /// both are of the same kind, or if the name of the topic does not tell the kind.
   std::string mixtureOf(const HomographyStamped& message) const {
     const std::optional<Pixels> pixels = pixelsOf(images_->topic());
     if (!pixels || (*pixels == Pixels::rectified) == (message.rectified != 0)) return {};

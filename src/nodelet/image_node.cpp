@@ -169,7 +169,7 @@ void NodeBase::reportStamps() {
 
 void NodeBase::reportRepeats() {
   constexpr double kMost = 0.1;  // share of repeated images above which they are reported
-  // Images that repeat until a stopped camera is noticed, after 0.1 s.
+  // Number of repeats that a stopped camera may cause before the stop is noticed, after 0.1 s.
   constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));

@@ -133,8 +133,8 @@ class NodeBase : public nodelet::Nodelet {
   bool connected_ = false;
   std::atomic<bool> listening_{false};
   ros::Time last_time_;                   // used only in the slow queue
-  ImageStamps stamps_;                    // used only in the data queue, as is
-  ros::Time last_wrong_ = ros::TIME_MAX;  // the stamp in the diagnostics
+  ImageStamps stamps_;                    // used only in the data queue, like last_wrong_
+  ros::Time last_wrong_ = ros::TIME_MAX;  // the wrong stamp that the diagnostics show now
 };
 
 /// A nodelet with the parameters `Config`, and a worker with the state `Work`.

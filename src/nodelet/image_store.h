@@ -15,7 +15,7 @@ namespace ktgp_orb {
 /// most kLeast images if they need more than kBytes of memory.
 class ImageStore {
  public:
-  static constexpr std::size_t kImages = 40;  // images of more than a second
+  static constexpr std::size_t kImages = 40;  // more than one second of images
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
@@ -23,9 +23,9 @@ class ImageStore {
   /// effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
-  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count:
-  /// they are too old for a homography. Nor do those that came before one that was taken: they
-  /// repeat another image or were skipped by max_rate, and never get one.
+  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count,
+  /// since they are too old for a homography. Neither do images before a taken image: they never
+  /// get a homography, since they repeat another image or max_rate skipped them.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();
@@ -57,7 +57,7 @@ class ImageStore {
  private:
   struct Stored {
     sensor_msgs::ImageConstPtr image;
-    std::uint64_t number = 0;  // in order of arrival
+    std::uint64_t number = 0;  // number in the order of arrival
   };
 
   Stored remove(const ros::Time& stamp) {
@@ -76,11 +76,11 @@ class ImageStore {
   }
 
   std::uint64_t next_ = 1;
-  std::uint64_t passed_ = 0;  // the newest one that was taken
+  std::uint64_t passed_ = 0;  // number of the newest taken image
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
-  std::multimap<ros::Time, Stored> images_;  // two may have one stamp
-  std::deque<ros::Time> order_;              // in order of arrival; includes those that were taken
+  std::multimap<ros::Time, Stored> images_;  // two images may have the same stamp
+  std::deque<ros::Time> order_;              // stamps in the order of arrival, also of taken images
 };
 
 }  // namespace ktgp_orb

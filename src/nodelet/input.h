@@ -115,9 +115,9 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// The images that a node's topic `image` and its parameter ~image_transport mean. A topic that
-/// ends in /compressed has that transport, whether or not the parameter says so. The decoder of
-/// this package comes before that of compressed_image_transport.
+/// The images on a node's topic `image`, with the transport of the parameter ~image_transport. A
+/// topic that ends in /compressed has this transport, whatever the parameter says. The decoder of
+/// this package is preferred to the decoder of compressed_image_transport.
 class ImageInput : public Input {
  public:
   /// `lost`: number of images that were sent, according to header.seq, but did not arrive.
@@ -132,7 +132,7 @@ class ImageInput : public Input {
   const std::string& transport() const { return transport_name_; }
 
  private:
-  /// Moves "/compressed" from the topic's name to transport_name_; returns the plugin.
+  /// Removes "/compressed" from the topic's name, sets transport_name_, and returns the plugin.
   std::string choosePlugin();
   void open() override;
   void close() override { subscriber_.shutdown(); }

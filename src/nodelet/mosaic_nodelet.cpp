@@ -170,7 +170,7 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
   ~MosaicNodelet() override { stop(); }
 
  private:
-  static constexpr std::size_t kCameraInfo = 3;  // a kind of jobs, beside those of the base
+  static constexpr std::size_t kCameraInfo = 3;  // kind of jobs, besides those of the base class
 
   void addOwnInputs() override;
   std::string nodelet() const override { return "mosaic"; }

@@ -70,7 +70,6 @@ class Inbox {
     return kinds_[kind].items > 0;
   }
 
-  /// Drops the items of this kind.
   void clear(std::size_t kind) {
     const std::lock_guard<std::mutex> lock(mutex_);
     while (kinds_[kind].items > 0) dropOldest(kind);

@@ -21,7 +21,7 @@ namespace {
 using util::format;
 using util::imagePoint;
 
-/// Chooses `chosen` of `count` indices, evenly spaced: true if index `i` is chosen.
+/// Whether index `i` is among `chosen` evenly spaced indices below `count`.
 bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
   return (i + 1) * chosen / count != i * chosen / count;
 }

@@ -49,9 +49,9 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether we choose options for a fixed reference. If a preset other than video was set, we do
-/// not. T_w shows whether such a preset was set: ktgp and teblid set it to the threshold of a
-/// descriptor, and the presets for strongly different views set it to 1.
+/// Whether we choose options for a fixed reference: only if no preset other than video was set. T_w
+/// shows whether a preset was set: ktgp and teblid set it to the threshold of a descriptor, and the
+/// presets for strongly different views set it to 1.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||

@@ -58,7 +58,7 @@ struct ParameterInfo {
 /// std::invalid_argument for another name.
 const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
-/// A row of a table. Throws std::invalid_argument for an unknown nodelet or parameter.
+/// The row of parameter `name`. Throws std::invalid_argument for an unknown nodelet or parameter.
 const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
 
 /// A parameter of the matcher, and the member of Parameters that holds its value.

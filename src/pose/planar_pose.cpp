@@ -113,8 +113,7 @@ struct PoseProblem {
   }
 };
 
-/// The pose that the fit finds when it begins at `pose`; empty if it does not converge in front of
-/// the camera.
+/// Result of the fit that starts at `pose`; empty if it does not converge in front of the camera.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
   rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
@@ -227,8 +226,8 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
   return poses;
 }
 
-// Grid of points all over a reference image. A rolling shutter bends the picture, so the homography
-// is fitted to the whole picture, not only to its corners.
+// Size of a grid of points all over a reference image. A rolling shutter bends the picture, so the
+// homography is fitted to the whole picture, not only to its corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
@@ -276,8 +275,8 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
-  // An image has been read when the next one begins: the readout time is anywhere up to `seconds`,
-  // in both directions.
+  // An image has been read when the next one begins, so the readout time is at most `seconds`, in
+  // either direction.
   const double deviation = std::min(util::kUnknownReadout, seconds / std::sqrt(3.0));
   const Vector8 change =
       util::entriesOf(

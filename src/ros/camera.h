@@ -22,14 +22,15 @@ enum class Pixels : std::uint8_t {
 /// "/camera/image_raw/compressed".
 std::string rawTopic(const std::string& topic);
 
-/// What the name of a topic says about its images; empty: nothing. The last part that begins with
-/// "image" counts, if one of its words is rect, rectified or raw: image_rect_color,
-/// image_mono_rect, image_raw. Else a part "rectified" before or after it does: rectified/image. A
-/// transport or a relay may append parts.
+/// Guesses from the name of a topic whether its images are raw or rectified; empty if the name does
+/// not tell. Uses the last part of the name that begins with "image" and contains the word rect,
+/// rectified or raw: image_rect_color, image_mono_rect, image_raw. Without such a part, a part
+/// "rectified" means rectified images: rectified/image. Ignores other parts, which a transport or a
+/// relay may append.
 std::optional<Pixels> pixelsOf(const std::string& image_topic);
 
-/// `name`: by_name, raw or rectified. by_name: as pixelsOf, and raw where the name says nothing.
-/// Throws std::invalid_argument.
+/// The kind of the images from `name`: by_name, raw or rectified. by_name: uses pixelsOf(), and raw
+/// if the topic does not tell. Throws std::invalid_argument for another name.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 struct PixelCamera {
@@ -50,7 +51,7 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                           const cv::Size& image_size);
 
-/// K of pixelCamera(); empty where that refuses the camera_info.
+/// K of pixelCamera(); empty if pixelCamera() refuses the camera_info.
 std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& info, Pixels pixels,
                                               const cv::Size& image_size);
 

@@ -22,10 +22,11 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Adds a message in the order of the stamps, which may jitter. One that goes back farther stays
-/// `apart`, as in StampOrder: a single one is wrong. Two in a row mean that the newest before them
-/// was dated ahead, if they go on from the one before that; else a looped bag, or a clock that was
-/// set.
+/// Inserts a message by its stamp, since stamps may jitter. A message that goes back farther is
+/// kept `apart`, as in StampOrder. If the next message does not continue from it, its stamp was
+/// wrong, and it is dropped. If both continue from the message before the newest one, the newest
+/// one was dated ahead and is removed. Otherwise a bag was looped or a clock was set, so all older
+/// messages are removed.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages, std::optional<Message>& apart) {
   constexpr std::size_t kKept = 1000;  // messages
@@ -83,8 +84,8 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   }
 }
 
-/// Of a picture by another camera, such as a drawn map, K is not known. A size of zero is not
-/// known.
+/// Throws if the reference is from another camera, such as a drawn map, since its K is unknown. A
+/// size of zero means that the size is unknown.
 void requireOneCamera(const HomographyStamped& h) {
   const bool is_known = h.image_width > 0 && h.reference_width > 0;
   if (!is_known || (h.reference_width == h.image_width && h.reference_height == h.image_height)) {
@@ -463,10 +464,10 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
-  // A given time counts with a deviation of a tenth of it, which holds the estimate back. Beyond
-  // three of these deviations the pictures have outweighed it.
+  // A given time has a standard deviation of a tenth of its value, so it attracts the estimate. If
+  // the estimate is more than three of these deviations away, the pictures outweigh it.
   constexpr double kShare = 0.3;
-  constexpr double kCertain = 5.0;  // deviations of the estimate
+  constexpr double kCertain = 5.0;  // standard deviations of the estimate
   if (readout_time == -1.0) return "";
   const double misfit = std::abs(estimate.readout_time - readout_time);
   const double least =

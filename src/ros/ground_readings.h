@@ -107,7 +107,7 @@ class GroundReadings {
 /// Describes the rolling shutter that the images show; empty if they do not show one with
 /// certainty.
 std::string shutterReport(const GroundEstimate& estimate);
-/// How the pictures contradict the parameter readout_time, as text; empty: they do not.
+/// Reports that the pictures contradict the parameter readout_time; empty if they do not.
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time);
 
 }  // namespace ktgp_orb

@@ -91,18 +91,18 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 /// greyImage. A Bayer pixel counts by its own value, and a yuv422 pixel by its brightness. Throws
 /// RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
-/// The same mask for pixels in memory. A fourth channel is opacity; transparent pixels give 0.
+/// Like maskImage(), for pixels in memory. A fourth channel is opacity; transparent pixels give 0.
 cv::Mat notBlack(const cv::Mat& image);
 
 /// Reads a mask from an image file of any depth; empty for an empty path. Throws like
 /// readImageFile, and also for a mask that hides everything.
 cv::Mat readMaskFile(const std::string& path);
-/// Whether a mask, not an empty one, leaves nothing to look at.
+/// Whether the mask hides the whole image; false for an empty mask.
 bool hidesAll(const cv::Mat& mask);
 constexpr char kHidesAll[] =
     "hides the whole image, since black and transparent pixels hide; expected white where the "
     "image is looked at";
-/// The fault of a mask that hides nothing, as text; empty for other masks, and for none.
+/// Reports that a mask hides nothing; empty for other masks and for an empty mask.
 std::string idleMask(const cv::Mat& mask);
 
 /// Reads an image file as a message with stamp zero: mono16 if the file has 16 bits, else mono8.

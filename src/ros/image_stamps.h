@@ -10,23 +10,23 @@
 
 namespace ktgp_orb {
 
-/// Finds stamps of images that cannot be used: results are found by stamps, and velocities need
-/// them.
+/// Detects images with wrong stamps. Stamps must be right, since users look up results by stamp and
+/// velocities are computed from stamps.
 class ImageStamps {
  public:
   enum class Wrong : std::uint8_t { nothing, zero, again, back, ahead };
-  /// "stamps of zero", for example.
+  /// Name of the counter in the diagnostics, for example "stamps of zero".
   static const char* nameOf(Wrong wrong);
 
-  /// `arrival`: when the image came, by the clock
-  /// of the computer; zero: not known. An image with a stamp ahead of its time must not be used:
-  /// where images come as steadily as their stamps say, its arrival shows it at once. The second
-  /// one in a row is believed, since the clock of the camera may have been set.
+  /// What is wrong with the stamp of the next image. `arrival`: its arrival by the clock of the
+  /// computer; zero: not known. If stamps and arrivals were steady before, a stamp ahead of its
+  /// time shows at once, and its image must not be used. If the next stamp is ahead, too, it is
+  /// accepted, since the clock of the camera may have been set.
   Wrong wrongWith(const ros::Time& stamp, const ros::Time& arrival);
-  /// The newest stamp that was wrong, as far as the images so far can tell: after one that was
-  /// ahead, it is the next one that goes back.
+  /// The newest stamp that is known to be wrong. If a stamp was ahead, the next stamp goes back and
+  /// counts as wrong first; the image after it shows which of the two was wrong.
   const ros::Time& wrong() const { return wrong_; }
-  /// Why the image with the last stamp ahead of its time is not used.
+  /// Why the last image with a stamp ahead of its time is not used.
   std::string reason() const;
 
  private:
@@ -35,8 +35,8 @@ class ImageStamps {
   util::StampOrder order_;
   ros::Time last_;
   ros::Time wrong_;
-  ros::Time one_ahead_;        // the image before the newest one that went back
-  std::vector<double> leads_;  // s, from arrival to stamp, of the newest images
+  ros::Time one_ahead_;        // stamp before the newest stamp that went back
+  std::vector<double> leads_;  // stamp minus arrival of the newest images, s
   bool was_ahead_ = false;
   double ahead_ = 0.0;
 };

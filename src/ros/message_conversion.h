@@ -27,13 +27,13 @@ struct MatchedFrame {
   const SequenceMatch& match;
   std::uint32_t configuration = 0;  ///< number of the configuration, see Configuration
   double latency = 0.0;             ///< s
-  std::uint64_t dropped = 0;        ///< number of frames since the start, also below
+  std::uint64_t dropped = 0;        ///< number of frames since the start, like the next four
   std::uint64_t lost = 0;
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;
   std::uint64_t repeated = 0;
-  bool has_rectified_image = false;  ///< before any lens of the frame
-  /// Whether the points are those of an image without distortion.
+  bool has_rectified_image = false;  ///< the image was already rectified when it arrived
+  /// Whether the points are pixels of an image without distortion.
   bool isRectified() const { return has_rectified_image || match.frame->lens != nullptr; }
 };
 

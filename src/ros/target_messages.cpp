@@ -40,8 +40,8 @@ TargetDetection messageOf(const DetectedTarget& target) {
   return message;
 }
 
-/// The camera for the pixels. Throws std::invalid_argument with the reason if there is no usable
-/// camera.
+/// The camera from the camera_info, for raw or rectified `pixels`. Throws std::invalid_argument
+/// with the reason if there is no usable camera_info.
 PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
                      const std::string& info_topic, Pixels pixels) {
   if (info == nullptr) throw std::invalid_argument("no camera_info on " + info_topic);

@@ -13,7 +13,6 @@ namespace ktgp_orb::sequence {
 /// the frame is reused with its other buffers.
 class FramePool {
  public:
-  /// An empty frame.
   FramePtr take();
   /// A frame with a copy of `image` in a reused buffer.
   FramePtr takeCopy(const cv::Mat& image);

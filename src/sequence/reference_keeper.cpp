@@ -30,8 +30,8 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   return reference_;
 }
 
-/// A keyframe may be old as long as frames arrive; the previous frame must not be. After a frame
-/// that was dated ahead, that frame is still the reference: its picture is right.
+/// A keyframe may be old if frames keep arriving, but the previous frame may not. A previous frame
+/// whose stamp was ahead of its time stays the reference, because its picture is right.
 NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
   if (!previous_) return NoReference::none;
   constexpr double kMost = 9e18;  // ns

@@ -9,8 +9,8 @@
 
 namespace ktgp_orb::sequence {
 
-/// The difference (of encoding or of lens) which shows that two frames are from different cameras;
-/// none if there is no such difference.
+/// The reason why two frames must be from different cameras: another encoding or another lens; none
+/// if there is no such difference.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
 /// Chooses the reference of the next frame, decides when to forget it, and accumulates
@@ -57,7 +57,7 @@ class ReferenceKeeper {
   FramePtr fixed_;
   FramePtr reference_;  // the previous frame or the keyframe, as the mode demands
   FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
-  FramePtr apart_;      // the newest frame, if its stamp is out of order; it may be wrong
+  FramePtr apart_;      // the newest frame, if its stamp is out of order and may be wrong
   util::StampOrder order_;
   NoReference reason_ = NoReference::none;
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null

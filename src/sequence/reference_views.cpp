@@ -9,7 +9,7 @@ const ReferenceViews* ReferenceViewsMaker::of(const FramePtr& reference, const O
                                               int views, bool in_background) {
   if (viewed_ == reference || takeFinished(reference)) return &views_;
   viewed_.reset();
-  views_ = {};  // two sets would take twice the memory
+  views_ = {};  // freed before new views are made, to save memory
   if (!in_background) {
     views_ = simulateViews(reference->image, orb, views);
     viewed_ = reference;
@@ -27,7 +27,7 @@ const ReferenceViews* ReferenceViewsMaker::of(const FramePtr& reference, const O
   return nullptr;
 }
 
-/// Takes the views that the thread has made if it has ended and they are those of `reference`.
+/// Takes over the views from the thread if it has ended and its views belong to `reference`.
 bool ReferenceViewsMaker::takeFinished(const FramePtr& reference) {
   if (!work_.valid() || work_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
     return false;

@@ -7,27 +7,28 @@
 
 namespace ktgp_orb::sequence {
 
-/// The simulated views of one reference. They take seconds where it is large, so a caller who
-/// cannot wait has them made in a thread of its own, one reference at a time.
+/// Makes the simulated views of a reference. For a large reference this takes seconds, so a caller
+/// who cannot wait has them made in a background thread, one reference at a time.
 class ReferenceViewsMaker {
  public:
-  /// The views of `reference`, which has an image. Null while they are made in the background.
+  /// The views of `reference`, which must have an image; null while they are made in background.
   const ReferenceViews* of(const FramePtr& reference, const OrbOptions& orb, int views,
                            bool in_background);
-  /// The options have changed, or the reference: other views are wanted from now on.
+  /// Discards the views, also the views that are being made. Call this if the options or the
+  /// reference have changed.
   void forget();
-  /// As of the last call of of().
+  /// State after the last call of of() or forget().
   ViewsState state() const { return state_; }
 
  private:
   bool takeFinished(const FramePtr& reference);
 
   ReferenceViews views_;
-  FramePtr viewed_;  // the frame of views_; null: they are of no use
+  FramePtr viewed_;  // the frame to which views_ belongs; null if views_ is not valid
   ViewsState state_ = ViewsState::none;
-  FramePtr in_work_;                  // owns the pixels that the thread reads
-  bool is_wanted_ = false;            // what the thread makes is still wanted
-  std::future<ReferenceViews> work_;  // last: its destructor waits for the thread
+  FramePtr in_work_;                  // the frame whose pixels the thread reads
+  bool is_wanted_ = false;            // whether the result of the thread is wanted
+  std::future<ReferenceViews> work_;  // must be last: its destructor waits for the thread
 };
 
 }  // namespace ktgp_orb::sequence

@@ -39,7 +39,7 @@ std::int64_t stampOf(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
-/// Factor by which to enlarge a small fixed reference.
+/// Factor by which to enlarge a fixed reference that is too small; 1 for any other reference.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   // Wanted length of the shorter side, px; this is ten descriptor patches.
   constexpr double kWanted = 300.0;
@@ -170,7 +170,7 @@ struct SequenceMatcher::Impl {
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   const SequenceOptions wanted = withImages(as_given);
-  // All calls that may throw come before any change.
+  // All calls that may throw come first, so that an exception leaves the matcher unchanged.
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
@@ -225,7 +225,7 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOption
   fresh->lens = frame->lens;
   fresh->camera = frame->camera;
   fresh->camera_lens = frame->camera_lens;
-  fresh->source = frame;  // keeps the owner of the pixels alive
+  fresh->source = frame;  // keeps the pixels valid
   extract(*fresh, orb);
   keeper.replace(frame, fresh);
   predictor.replace(*frame, *fresh);

@@ -40,7 +40,7 @@ constexpr std::size_t kOverlap =
 // Number of frames before the overlap whose corrections are fixed when the next part is solved.
 constexpr std::size_t kKnown = 3;
 
-/// A point of the window, and its correction in each frame: bounds and best value, px.
+/// A point of the window; for each frame, the bounds and the best value of its correction, px.
 struct Track {
   Eigen::Vector2d place;  ///< position without correction, px
   Points low;
@@ -51,7 +51,6 @@ struct Track {
 /// Minimises the cost of variables within bounds, subject to linear equations.
 class LinearProgram {
  public:
-  /// Returns the number of the new variable.
   int addVariable(double low, double high, double cost) {
     low_.push_back(low);
     high_.push_back(high);

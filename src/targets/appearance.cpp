@@ -209,8 +209,8 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
 double Appearance::shareThatDiffers() const {
   // Correlation below which blocks differ; blurred blocks correlate more.
   constexpr float kUnlike = 0.2F;
-  // Least divisor, in blocks: in a small picture, a few blocks that differ by chance must not give
-  // a large share.
+  // The number of differing blocks is divided by at least this number of blocks. Otherwise, in a
+  // small picture, a few blocks that differ by chance would give a large share.
   constexpr double kFewest = 100.0;
   double all = 0.0, unlike = 0.0;
   for (int row = 1; row + 1 < rows_; ++row) {

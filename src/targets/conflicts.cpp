@@ -18,7 +18,7 @@ constexpr double kLeastMove = 0.08;  // share of the side; a smaller shift count
 constexpr double kLeastAlike = 0.5;  // least correlation; low, since the blocks are compared later
 constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
-// Limit of places that are tested for each of the four turns.
+// Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
 constexpr std::size_t kMostPlaces = 4;
 
 /// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
@@ -96,8 +96,8 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether chance explains `one` much less than `other`. If only a part is in view that both
-/// targets have in common, both have nearly the same support, and each of them may be there.
+/// Whether `one` is much less likely to be a false alarm than `other`. If only a part is in view
+/// that both targets have in common, both have nearly the same support, so either may be there.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
@@ -178,9 +178,9 @@ std::string ambiguityOf(const TargetPicture& picture) {
 }
 
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
-  // Least share of a target's points inside the other target's outline.
+  // Minimum share of a target's points inside the outline of another target to be a part of it.
   constexpr double kMost = 0.7;
-  // Minimum common share of the larger outline if both targets are in the same place.
+  // Targets are in the same place if the outlines share more than this part of the larger outline.
   constexpr double kSamePlace = 0.5;
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;

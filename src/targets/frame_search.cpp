@@ -175,7 +175,7 @@ void FrameSearch::take(const FoundTarget& target) {
   for (const std::int32_t i : target.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
 }
 
-/// Passes the features that are not taken to `rest_`.
+/// Gives `rest_` the features that no instance has taken yet.
 void FrameSearch::setRest() {
   rest_numbers_.clear();
   rest_features_.keypoints.clear();

@@ -46,7 +46,7 @@ class FrameSearch {
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
-  /// What was found since setFrame(), but does not determine where its corners are.
+  /// The instances found since setFrame() whose corners are not determined.
   std::vector<FoundTarget>& undetermined() { return undetermined_; }
 
  private:

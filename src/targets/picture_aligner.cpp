@@ -106,7 +106,7 @@ double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
   return std::max(kLeast, kTimesMedian * *middle);
 }
 
-/// Whether a patch of the frame shows nothing but the picture.
+/// Whether the patch of the frame that shows `point` lies entirely within the picture.
 bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d& point) const {
   constexpr double kHalf = 0.5 * alignment::kPatchSide;
   const Eigen::Matrix2d back = homography::jacobianByPoint(map, point).inverse();
@@ -147,10 +147,11 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// Sums the errors of the patches over bands of rows. Returns their squares, px², by coordinate.
+/// Sums the errors of each band of rows. Returns the sum of all squared errors, px², by coordinate.
 Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
-  constexpr double kBand = 16.0;    // px: a period of a motor has some hundred rows
-  constexpr double kLargest = 3.0;  // px; a larger error is another thing
+  // Height of a band, px. Its rows move together, since a motor's period has some hundred rows.
+  constexpr double kBand = 16.0;
+  constexpr double kLargest = 3.0;  // px; a larger error is a wrong match
   bands_.clear();
   Eigen::Vector2d squares = Eigen::Vector2d::Zero();
   for (std::size_t i = 0; i < reference_.size(); ++i) {
@@ -172,12 +173,14 @@ Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
   return squares;
 }
 
-/// A rolling shutter that vibrates displaces rows together, by more than the noise of their
-/// patches. What the homography follows of that is not seen, so the covariance gets as much for
-/// each band of rows as is left in the mean of a band.
+/// If a rolling shutter vibrates, rows are displaced together by more than the noise of their
+/// patches. The homography follows a part of this, which the residuals do not show. So each band of
+/// rows adds the variance that remains in the means of the bands to the covariance.
 void PictureAligner::addVibration(UncertainHomography& estimate) {
-  constexpr double kFitted = 3.0;   // bands that a homography follows, in each coordinate
-  constexpr double kOverlap = 4.0;  // patches overlap by half both ways: the noise of a mean
+  constexpr double kFitted = 3.0;  // number of bands that a homography can follow, per coordinate
+  // Neighbouring patches overlap by half in x and y, so means have this multiple of the noise
+  // variance.
+  constexpr double kOverlap = 4.0;
   const Eigen::Vector2d squares = sumBands(estimate.homography);
   double count = 0.0;
   Eigen::Vector2d between = Eigen::Vector2d::Zero();

@@ -111,8 +111,8 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
   return accept(picture, map, pictures, found);
 }
 
-/// Grows from the patches around the seed to the whole picture. This helps if the picture has few
-/// keypoints, or if few of them are found in this view.
+/// Grows the homography from the patches around the seed to the whole picture. This helps if the
+/// picture has few keypoints, or if few of them are found in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundTarget& found) {
@@ -129,8 +129,8 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
   return isSeen(picture, pictures, found);
 }
 
-/// Fits the homography to the pairs that the grower has just found, and judges it by the images. If
-/// the images do not confirm the homography, it is judged by decoys of the keypoints.
+/// Fits the homography to the pairs that the grower has just found, and judges it by comparing the
+/// images. If the images do not confirm the homography, judges it by decoys of the keypoints.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
@@ -221,8 +221,8 @@ void PictureSearch::dropOutliers(FoundTarget& found) {
 void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
-  // Keypoints in a small part of the picture do not determine the homography elsewhere, so it is
-  // grown by the images.
+  // Keypoints in a small part of the picture do not determine the homography elsewhere, so grow it
+  // by aligning patches of the images.
   const Eigen::Matrix3d& map = found.estimate.homography;
   const Eigen::Vector2d centre = growth::middleOf(found.pairs.reference);
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
@@ -251,7 +251,7 @@ bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPict
       !isView(aligned_.homography, picture)) {
     return false;
   }
-  // Most keypoints must still agree.
+  // Keep the alignment only if most pairs of keypoints still agree.
   const std::size_t before = found.pairs.size();
   homography::label(aligned_, found.pairs, growth::Verdict::kRadius, labelled_);
   if (2 * labelled_.inliers < before) return false;

@@ -51,7 +51,7 @@ class PictureSearch {
   /// most about `radius` px.
   bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
               FoundTarget& found);
-  /// Corrects the homography by the images.
+  /// Refines the homography by aligning patches of the picture with the frame.
   void align(const TargetPicture& picture, FoundTarget& found);
   /// Compares the images again if their agreement before the alignment was small. False if most of
   /// the visible part looks different.
@@ -79,7 +79,7 @@ class PictureSearch {
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
               FoundTarget& found);
-  /// Corrects `start` by the images. True: `found` has the result.
+  /// Refines `start` by aligning patches. True: `found` has the result.
   bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
                  FoundTarget& found);
   Appearance::Similarity similarity(const TargetPicture& picture, std::size_t pictures,

@@ -23,8 +23,8 @@ double enlargementOf(int longer_side) {
   return by >= kLeast ? by : 1.0;
 }
 
-/// Adds levels for the enlargement, up to an octave, so that large targets are found as before.
-/// More enlargement makes edges softer, so the threshold for corners is lower.
+/// Adds pyramid levels for the enlargement, for at most an octave, so that large targets are still
+/// found. A larger enlargement makes edges softer, so it also lowers the threshold for corners.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);

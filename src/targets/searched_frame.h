@@ -34,7 +34,7 @@ class SearchedFrame {
 
   /// Targets whose shorter side is below this limit are small, px of the frame.
   static constexpr double kSmallSide = 80.0;
-  static constexpr int kLargestFrame = 2500;  ///< largest longer side of the searched frame, px
+  static constexpr int kLargestFrame = 2500;  ///< limit of a searched frame's longer side, px
 
  private:
   void setEnlargement(double by);

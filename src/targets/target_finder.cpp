@@ -175,13 +175,13 @@ struct TargetFinder::Impl {
 
   TargetFinderOptions options;
   std::unique_ptr<SearchedFrame> frame;
-  SearchedFrame checked;  // a new picture, in which the known targets are searched
+  SearchedFrame checked;  // a new target's picture, which is searched for known targets
   targets::TargetStore store;
   targets::FrameSearch search;
   Sequence sequence;
   targets::PictureAligner aligner;
   std::vector<FoundTarget> found;
-  std::vector<Track> track_of;  // for each entry of `found`, its track
+  std::vector<Track> track_of;  // track of each entry of `found`
   TargetFrame answer;
 };
 
@@ -190,8 +190,9 @@ TargetFinderOptions TargetFinder::Impl::checkOptions(TargetFinderOptions options
   return options;
 }
 
-/// The known targets are searched in `picture` from now on, with a border, near which there are no
-/// keypoints, and `larger`, as frames are searched. Returns searched picture -> picture, px.
+/// Makes `search` look for the known targets in `picture`. A small picture gets a border, since no
+/// keypoints are found near borders. `larger`: enlarges the picture as frames are enlarged. Returns
+/// the map from the searched picture to `picture`, px.
 Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, bool larger) {
   const int border = isSmall(picture) ? targets::kPictureBorder : 0;
   cv::Mat padded = picture.image;
@@ -205,10 +206,10 @@ Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, boo
   return without_border * checked.toFrame();
 }
 
-/// A known target that the picture shows; null: none.
+/// A known target that looks the same as the picture; null if there is none.
 const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bool larger,
                                                 const StoredTarget* replaced) {
-  // An image of the same picture has many more votes, but a small one has few keypoints.
+  // A target that looks the same gets many more votes, but a small picture has few keypoints.
   const std::int32_t fewest = isSmall(picture) ? 2 : 5;
   const UncertainHomography to_picture{setChecked(picture, larger)};
   search.lookUp(0, checked.features().size());
@@ -225,9 +226,9 @@ const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bo
   return nullptr;
 }
 
-/// Searches the known targets in the new pictures, and throws if one shows the same. One that
-/// covers only a part of the new picture, such as a logo, does not. A small picture has few
-/// keypoints in its own size, so it is made larger, too.
+/// Throws if a known target and a new picture show nearly the same part of the scene. A target that
+/// covers only a part of the picture, such as a logo, is allowed. A small picture has few keypoints
+/// in its own size, so it is enlarged and searched again.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
@@ -360,12 +361,12 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Corrects the homography by the pixels of the frame itself. If the searched frame was shrunk, the
-/// frame itself shows more details, provided that the resolution of the picture is high enough. If
-/// the searched frame was enlarged, its blur is wider, so a patch shows fewer details; but a small
-/// target has too few patches in the frame itself.
+/// Refines the homography by aligning patches with the original frame. If the searched frame was
+/// shrunk, the original frame shows more details, provided that the resolution of the picture is
+/// high enough. If the searched frame was enlarged, its blur is wider, so a patch shows fewer
+/// details; but a small target has too few patches in the original frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
-  constexpr double kMostStretch = 1.2;  // limit of px of the frame per px of the picture
+  constexpr double kMostStretch = 1.2;  // limit of px of the original frame per px of the picture
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);
@@ -386,11 +387,11 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   one.pairs = std::move(pairs);
 }
 
-/// Finishes those found from number `begin` on; those that are not determined are set apart. Where
-/// the images do not agree anywhere, the frame is blurred, dark or steep. Blur displaces
-/// neighbouring keypoints together, so that they are worth far fewer than their number: in drawn
-/// frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times what the
-/// covariance said, and some were 20 px off.
+/// Completes the instances in `found` from index `begin` on, and moves those without determined
+/// corners to search.undetermined(). If the images cannot be aligned, the frame is blurred or dark,
+/// or the view is steep. Blur displaces neighbouring keypoints together, so many of them say little
+/// more than a few: in drawn frames with 4 to 20 px of blur, the squared errors of the corners were
+/// 10 to 140 times the variances of the covariance, and some corners were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const bool has_images = !frame->features().images.empty();
@@ -409,7 +410,7 @@ void TargetFinder::Impl::settle(std::size_t begin) {
   found.resize(kept);
 }
 
-/// Says which targets were seen although no place of theirs is determined.
+/// Reports the targets that were seen, but only in places that are not determined.
 void TargetFinder::Impl::publishUndetermined() {
   std::unordered_set<const StoredTarget*> named;
   for (const FoundTarget& one : found) named.insert(one.target);

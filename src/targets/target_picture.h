@@ -12,8 +12,8 @@ namespace ktgp_orb::targets {
 
 struct StoredTarget;
 
-/// Added around a picture before its keypoints are searched, px: the extractor finds none near the
-/// border of an image.
+/// Width of the border that is added around a picture before its keypoints are extracted, px. The
+/// extractor finds no keypoints near the border of an image.
 constexpr int kPictureBorder = 48;
 
 /// An image of a target and its keypoints, in px of `image`.

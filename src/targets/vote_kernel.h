@@ -6,7 +6,7 @@
 
 namespace ktgp_orb::targets {
 
-/// A pair of keypoints and the affine map that the pair predicts: all that the votes depend on.
+/// A pair of keypoints and the affine map that it predicts. The votes depend on nothing else.
 struct SeedMap {
   float from_x, from_y;  ///< px of the picture
   float to_x, to_y;      ///< px of the frame

@@ -28,7 +28,7 @@ void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 /// list.
 std::vector<std::string> filesOfTargets(const std::string& path);
 
-/// The calibration beside the images; empty if the recording has none.
+/// The camera_info on the topic beside the images; empty if the recording has none.
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic);
 

@@ -84,7 +84,7 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
 
 namespace {
 
-/// The image in the pixels of the homographies.
+/// The image in the pixels of the homographies: without distortion if there is a lens.
 cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
   cv::Mat picture = colourImage(image);
   if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;
@@ -291,7 +291,7 @@ void BagViews::close() {
   }
 }
 
-/// How the last map is drawn, if it is on a cylinder.
+/// Describes how the last map is drawn; empty unless it is on a cylinder.
 std::string BagViews::panorama() const {
   const auto panorama = mosaic_.panorama();
   if (!panorama) return {};

@@ -125,14 +125,13 @@ std::string mosaicOf(const std::string& path, std::size_t number);
 /// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
 class BagViews {
  public:
-  /// `reopen`: for the steady video. `outputs` must live longer.
-  /// `camera`: of the images, for a panorama; `pixels`: their kind.
+  /// `reopen` is used for the steady video. `outputs` must outlive this object. `camera`:
+  /// calibration of the images, for a panorama. `pixels`: kind of the images.
   BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
            std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels);
 
   /// Adds the next image with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
-  /// Repeats the previous image.
   void repeat() {
     if (steady_) steady_->repeat();
   }
@@ -152,11 +151,11 @@ class BagViews {
   std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t repeated_ = 0;  // lost frames on ground that repeats
+  std::size_t repeated_ = 0;  // number of frames lost on repetitive ground
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;
-  std::size_t unfit_ = 0;  // lost frames that the surface of the map cannot show
-  std::string why_unfit_;  // of the last of these
+  std::size_t unfit_ = 0;  // number of frames lost since the surface of the map cannot show them
+  std::string why_unfit_;  // reason for the last of these frames
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -391,7 +391,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
     try {
       const sensor_msgs::CameraInfo info =
           camera ? *camera : readCameraInfo(bag, topic, "geometry " + parameters.geometry);
-      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
+      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // throws if K is unusable
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {
@@ -441,7 +441,7 @@ void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
     const std::string change = changeOfCameraInfo(arguments.in, topic, used);
     if (!change.empty()) std::cerr << "ktgp_bag: " << change << '\n';
   } catch (const UnusableBag&) {
-    // The part that needs it says so.
+    // The part of the program that needs the camera_info reports that it is missing.
   }
 }
 

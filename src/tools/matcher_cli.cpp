@@ -41,8 +41,7 @@ std::vector<double> valueOf(const Covariance8& matrix) {
 }
 
 /// Refuses parameters that only apply to the images of a stream, such as camera_info and the region
-/// of interest. The other parameters of the stream are accepted, since they do not influence a
-/// match.
+/// of interest. Accepts the other parameters of the stream, since they do not influence a match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {

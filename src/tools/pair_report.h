@@ -28,7 +28,6 @@ struct Outcome {
 /// The points of the scene from the final matches; empty if no motion was found.
 std::vector<ScenePoint> pointsOf(const Outcome& outcome);
 
-/// Prints the outcome to the standard output.
 void print(const Outcome& outcome, const PipelineOptions& options);
 nlohmann::json toJson(const Outcome& outcome, const PipelineOptions& options);
 

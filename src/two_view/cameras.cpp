@@ -127,7 +127,7 @@ namespace ktgp_orb {
 
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points) {
-  constexpr double kClear = 2.0;        // scales of the errors
+  constexpr double kClear = 2.0;        // scales of the errors; a smaller parallax may be noise
   constexpr double kLeastScale = 0.05;  // px
   points.clear();
   const std::optional<two_view::Cameras> cameras = two_view::camerasOf(input);
@@ -143,7 +143,8 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (geometry.mask[i] == 0) continue;
     if (homography::errorOf(far, pairs.reference[i], pairs.target[i]) < kClear * scale) continue;
-    // The inverse depth z: the target point is K' (R q + z t), linear in z after multiplication.
+    // The target point is K' (R q + z t), where z is the inverse depth. Its equations are linear in
+    // z once they are multiplied by the third coordinate.
     const Eigen::Vector3d q = cameras->referenceRay(pairs.reference[i]);
     const Eigen::Vector3d a = cameras->target * turn * q;
     const Eigen::Vector3d b = cameras->target * t;
@@ -156,7 +157,7 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
     ScenePoint point;
     point.pair = i;
     point.position = depth * q;
-    // px of the target by depth, then the two directions across the ray.
+    // Errors along the ray, from px of the target per inverse depth, and across the ray.
     const Eigen::Vector3d seen = a + inverse_depth * b;
     const double by_inverse = slope.norm() / seen.z();
     const double depth_deviation = std::sqrt(2.0) * scale / by_inverse * depth * depth;

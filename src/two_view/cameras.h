@@ -10,7 +10,7 @@
 
 namespace ktgp_orb::two_view {
 
-/// Both cameras' K, px.
+/// K of both cameras, px.
 struct Cameras {
   Eigen::Matrix3d reference;
   Eigen::Matrix3d target;
@@ -23,7 +23,6 @@ struct Cameras {
         reference_inverse(of_reference.inverse()),
         target_inverse(of_target.inverse()) {}
 
-  /// Rays K^-1 x.
   Eigen::Vector3d referenceRay(const Eigen::Vector2d& x) const {
     return reference_inverse * x.homogeneous();
   }
@@ -43,12 +42,12 @@ struct Cameras {
                   const Eigen::Vector2d& target, double max_error) const;
 };
 
-/// Whether the result has a motion. That of a rotation has no translation.
+/// Whether the result has a motion. The motion of a rotation has no translation.
 inline bool hasPose(const TwoView& view) {
   return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
 }
 
-/// Empty without K. Throws std::invalid_argument as TwoViewEstimator::estimate.
+/// The cameras of `input`; empty without K. Throws like TwoViewEstimator::estimate.
 std::optional<Cameras> camerasOf(const TwoViewInput& input);
 
 /// Distance of the target point from the epipolar line of the reference point, px.
@@ -56,11 +55,11 @@ double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const 
 /// Sampson distance, px.
 double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
 
-/// Part of the limit of reprojection errors that limits Sampson distances.
+/// Limit of the Sampson distance, as a share of the limit of the reprojection error.
 constexpr double kSampsonShare = 0.5;
 
-/// Sets mask, inliers and RMSE of `view` from its geometry: the only place that does.
-/// `max_error`: as TwoViewOptions::max_error.
+/// Sets mask, inliers and RMSE of `view` from its geometry, whatever its kind. `max_error`: as
+/// TwoViewOptions::max_error.
 void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, double max_error,
            TwoView& view);
 
@@ -68,12 +67,13 @@ void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, doubl
 double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView& view,
                   std::vector<double>& angles);
 
-/// From the covariance of small rotations and of two directions across the translation.
+/// Pose covariance from `of_step`: the covariance of small rotations and of changes of the
+/// translation in two directions across it.
 Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step,
                            const Eigen::Vector3d& translation);
 
-/// The step from one motion to another in the coordinates of TwoView::pose_covariance: along the
-/// shortest arc of the directions, across the first translation.
+/// The step from one motion to another, in the coordinates of TwoView::pose_covariance. Its first
+/// part is orthogonal to the first translation and as long as the arc between the translations.
 Eigen::Matrix<double, 6, 1> stepBetween(const RelativePose& from, const RelativePose& to);
 
 }  // namespace ktgp_orb::two_view

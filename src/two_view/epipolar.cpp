@@ -13,8 +13,9 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-/// Sampson distance of a pair: C / n with C = x'^T F x and n the length of C's derivative by the
-/// four coordinates. `a` and `b`: derivatives of C by target and reference.
+/// Sampson distance of a pair: C / n with C = x'^T F x, where n is the norm of C's gradient with
+/// respect to the four coordinates. `a`, `b`: derivatives of C with respect to the target and the
+/// reference point.
 template <typename Value>
 struct Sampson {
   Value a0, a1, b0, b1;
@@ -34,7 +35,7 @@ struct Sampson {
 using Points = homography::PointArrays<float>;
 
 Points::Lanes squaredErrors(const Points& p, const Eigen::Matrix3f& f, std::size_t first) {
-  constexpr float kTiny = 1e-30F;  // the length at the epipoles
+  constexpr float kTiny = 1e-30F;  // smallest n², since n is zero at the epipoles
   const Sampson<Points::Lanes> s(f, Points::load(p.x, first), Points::load(p.y, first),
                                  Points::load(p.u, first), Points::load(p.v, first));
   return s.value * s.value / s.length2.max(kTiny);
@@ -200,9 +201,8 @@ float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
   return cost;
 }
 
-/// Chirality chooses the motion, and rejects solutions whose points are not in front of the
-/// cameras; without cameras, all epipolar lines must have the same orientation (Chum, Werner &
-/// Matas, ICPR 2004).
+/// The chirality selects the motion and rejects solutions with points behind a camera. Without
+/// cameras, all epipolar lines must have the same orientation (Chum, Werner & Matas, ICPR 2004).
 void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   models_.clear();
   Eigen::Matrix<double, 3, 7> reference;
@@ -239,7 +239,7 @@ std::size_t EpipolarProblem::findInliers(const Epipolar& model,
   return markNear(*pairs_, model, pairs_->limit, inlier);
 }
 
-/// The derivative of the Sampson distance by F is (x' x^T - q (a x^T + x' b^T)) / n, q = C / n².
+/// Derivative of the Sampson distance by F: (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
 double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                                 Eigen::Vector2d* by_target) const {
   const double x[3] = {points.x[i], points.y[i], 1.0};
@@ -260,7 +260,7 @@ double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double*
   return e * precision[i];
 }
 
-/// The sums by the entries of F, in one pass, and then by the parameters.
+/// Sums the normal equations for the entries of F in one pass, and converts them to the parameters.
 void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& weights,
                                estimation::NormalEquations& sums) const {
   using estimation::kStudentFreedom;
@@ -297,8 +297,8 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
   sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Leaves out pairs behind a camera: a wrong pair that is near its epipolar line by chance has a
-/// large parallax, and so much influence. Far pairs whose rays are parallel within the errors stay.
+/// Selects pairs near the geometry, but none behind a camera: a wrong pair near its epipolar line
+/// has a large parallax, and so much influence. Pairs with parallel rays within the errors stay.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
   constexpr double kBehind = 3.0;  // deviations
   const EpipolarPairs& pairs = *problem_.pairs;
@@ -327,7 +327,7 @@ std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::siz
 
 bool EpipolarFit::step(double reach, Epipolar& geometry) {
   constexpr std::size_t kEnough = 200;  // best pairs
-  constexpr double kScales = 3.0;       // scales of the errors within the limit
+  constexpr double kScales = 3.0;       // the limit `reach` over the scale of the errors
   fit_.weights().setScale(reach / kScales);
   const auto freedom = static_cast<std::size_t>(problem_.pairs->freedom());
   const std::size_t n = select(geometry, reach, kEnough);
@@ -348,7 +348,7 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
     if (round > 0 && near_ == used_) break;
     fit_.weights().reset(n, 1, freedom);
     std::swap(near_, used_);
-    // Where rounding alone keeps a step from helping, the fit has converged all the same.
+    // If a step fails only because of rounding, the fit has converged.
     if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined &&
         !estimation::breadOf(fit_.sums()).allFinite()) {
       return false;
@@ -357,13 +357,13 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
   return true;
 }
 
-/// With a quarter of the cells left out in turn, the mean squared change over what `covariance`
-/// lets expect (the jackknife over groups).
+/// Leaves out one quarter of the cells after the other and fits again (the jackknife over groups).
+/// Returns the mean squared change of the motion over the value that `covariance` predicts.
 double EpipolarFit::instability(const Epipolar& geometry, double cell,
                                 const Covariance6& covariance) {
   constexpr int kGroups = 4;
   constexpr std::size_t kColumns = homography::PointArrays<double>::kCellColumns;
-  constexpr double kLost = 25.0;  // squared deviations, where the rest does not determine a motion
+  constexpr double kLost = 25.0;  // squared change if the rest does not determine a motion
   const Eigen::Matrix<double, 6, 6> inverse =
       Eigen::Matrix<double, 6, 6>(covariance).completeOrthogonalDecomposition().pseudoInverse();
   problem_.pairs->refinement.findCells(2.0 * cell, cell_);
@@ -396,7 +396,7 @@ estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double
     const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
     const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
     clusters_.add(cell_[i], pull * e);
-    // A shift of the target point by 1, u or v along either axis.
+    // Shared errors shift the target point by 1, u or v along either axis.
     const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
     by_shared.leftCols<3>() += pull * (by_target.x() * linear);
     by_shared.rightCols<3>() += pull * (by_target.y() * linear);

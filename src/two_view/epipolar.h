@@ -17,8 +17,8 @@
 namespace ktgp_orb::two_view {
 
 /// The epipolar geometry of two images, with x'^T F x = 0 between normalised coordinates. With
-/// known cameras the motion is the parameter (five degrees of freedom), without them the factors of
-/// F = U diag(1, s, 0) V^T (seven).
+/// known cameras, the parameters are those of the motion (five degrees of freedom); without
+/// cameras, they are the factors of F = U diag(1, s, 0) V^T (seven).
 struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
   RelativePose motion;                               ///< motion, with cameras
@@ -30,8 +30,8 @@ struct Epipolar {
 /// Point pairs scaled alike in both images, and the parameters of their epipolar geometry.
 class EpipolarPairs : public homography::NormalisedPairs {
  public:
-  /// `max_error`: limit of the Sampson distance of an inlier, px; best quality first by `order`.
-  /// `deviations`: see TwoViewInput.
+  /// `order`: order of the pairs, best quality first. `max_error`: limit of the Sampson distance of
+  /// an inlier, px. `deviations`: see TwoViewInput.
   void load(const PointPairs& pairs, const estimation::QualityOrder& order, double max_error,
             const std::optional<Cameras>& cameras, const std::vector<double>* deviations = nullptr);
 
@@ -42,7 +42,7 @@ class EpipolarPairs : public homography::NormalisedPairs {
   double scale() const { return target.scale; }
   /// Focal length of the target camera, normalised units.
   double focal() const { return focal_; }
-  /// The ray K^-1 x of a pair; the normalised point itself without cameras.
+  /// The ray K^-1 x of a pair; without cameras, the normalised point itself.
   Eigen::Vector3d referenceRay(std::size_t i) const {
     return reference_ray_ * Eigen::Vector3d(refinement.x[i], refinement.y[i], 1.0);
   }
@@ -50,23 +50,23 @@ class EpipolarPairs : public homography::NormalisedPairs {
     return target_ray_ * Eigen::Vector3d(refinement.u[i], refinement.v[i], 1.0);
   }
 
-  /// Degrees of freedom: 5 with cameras, 7 without. As many pairs determine the geometry.
+  /// Degrees of freedom, and number of pairs in a sample: 5 with cameras, 7 without.
   Eigen::Index freedom() const { return calibrated_ ? 5 : 7; }
   Epipolar fromMotion(const RelativePose& motion) const;
   Epipolar fromMatrix(const Eigen::Matrix3d& normalised) const;
   /// F between pixels, of norm 1.
   Eigen::Matrix3d inPixels(const Epipolar& geometry) const;
 
-  /// Derivative of F's entries, row by row, by the parameters: with cameras, rotation about the
-  /// target camera's axes and two directions across t; without, the rotations of U and V, and s.
+  /// Jacobian of F's entries, row by row, with respect to the parameters. With cameras: rotations
+  /// about the target camera's axes, then two directions across t. Without: rotations of U and V,
+  /// then s.
   using Tangent = Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, 7>;
   Tangent tangent(const Epipolar& geometry) const;
-  /// The geometry after a step of the parameters.
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
 
-  /// How far a pair is from the motion, normalised units: the Sampson distance in front of the
-  /// cameras. Behind them the nearest point that the scene can have is at infinity, so it is the
-  /// distance from that point, over the errors of both images.
+  /// Distance of a pair from the motion, normalised units. If the point is in front of both
+  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; this
+  /// is the distance from its image, over sqrt(2) because both images have errors.
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
@@ -81,10 +81,10 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Matrix3d target_ray_;
 };
 
-/// Two directions across a unit vector.
+/// Two orthogonal unit vectors across a unit vector.
 Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 
-/// Turns by a small rotation vector.
+/// Multiplies `matrix` from the left by the rotation of a small rotation vector.
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix);
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
@@ -95,14 +95,15 @@ struct SampsonProblem {
 
   const EpipolarPairs* pairs = nullptr;
   homography::PointArrays<double> points;  ///< the selected pairs
-  std::vector<double> precision;           ///< precision of each of them
+  std::vector<double> precision;           ///< precision of each selected pair
 
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const {
     return pairs->moved(geometry, step);
   }
   void linearise(const Epipolar& geometry, estimation::RobustWeights& weights,
                  estimation::NormalEquations& sums) const;
-  /// The residual of a pair, its derivative by the entries of F, row by row, and by the target.
+  /// Returns the residual of a pair. Sets its derivatives with respect to the entries of F, row by
+  /// row, and with respect to the target point.
   double evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                   Eigen::Vector2d* by_target) const;
 };
@@ -114,12 +115,12 @@ class EpipolarFit {
   /// Stored by reference; best quality first.
   void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
 
-  /// One step over the best pairs within `reach`. False if these are not more than a sample, or
-  /// do not determine it.
+  /// Makes one step with the best pairs whose error is below `reach`. Returns false if these are no
+  /// more than a sample, or do not determine the step.
   bool step(double reach, Epipolar& geometry);
 
-  /// Fits to convergence, over all pairs within twice the limit; the scale of the errors is
-  /// estimated, too. False if the pairs do not determine the geometry.
+  /// Fits to convergence, with all pairs whose error is below twice the limit, and estimates the
+  /// scale of the errors. Returns false if the pairs do not determine the geometry.
   bool minimise(Epipolar& geometry);
 
   /// Covariance of the parameters after minimise(). Errors of pairs in one of the cells, `cell`
@@ -128,8 +129,8 @@ class EpipolarFit {
   /// not known.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
-  /// By which factor the motion depends more on which part of the image it is fitted to than
-  /// `covariance` lets expect. Changes the state that minimise() left.
+  /// How much more the motion depends on the part of the image that it is fitted to than
+  /// `covariance` predicts: a factor on the covariance. Changes the state that minimise() left.
   double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
 
   /// After minimise(): scale of the Sampson distances of pairs with the deviation 1, normalised
@@ -146,10 +147,10 @@ class EpipolarFit {
   std::vector<std::size_t> cell_;  // cell of each selected pair
   estimation::ClusteredMeat clusters_;
   std::vector<int> group_;  // group of each pair, for the jackknife
-  int left_out_ = -1;       // group; -1: none
+  int left_out_ = -1;       // group that select() leaves out; -1: none
 };
 
-/// Sum of the squared Sampson distances, none above the limit; incomplete above `give_up`.
+/// Sum of the squared Sampson distances, each at most limit². Incomplete if above `give_up`.
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up);
 
 /// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch.
@@ -180,7 +181,7 @@ class EpipolarProblem {
 
   const EpipolarPairs* pairs_ = nullptr;
   EpipolarFit fit_;
-  std::vector<Eigen::Matrix3d> solutions_;  // solutions of a sample
+  std::vector<Eigen::Matrix3d> solutions_;  // essential or fundamental matrices of a sample
   std::vector<Epipolar> models_;
 };
 

@@ -13,7 +13,7 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-constexpr double kSame = 1.0 * util::kPi / 180.0;  // rad
+constexpr double kSame = 1.0 * util::kPi / 180.0;  // rad; motions that differ by less are the same
 
 /// Density of Student's t distribution with four degrees of freedom, scale 1, at 0.
 constexpr double kDensity = 0.375;
@@ -75,7 +75,7 @@ bool Hypotheses::isKnown(const Epipolar& geometry) const {
 
 void Hypotheses::start(const RelativePose& motion) {
   constexpr int kSteps = 2;
-  constexpr std::size_t kVoters = 64;  // best pairs
+  constexpr std::size_t kVoters = 64;  // best pairs, which choose the sign
   RelativePose forward = motion;
   const std::size_t n = std::min(pairs_->size(), kVoters);
   std::size_t front = 0;
@@ -97,7 +97,7 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
     setGains(list_.back());
   }
   judge();
-  // A free fit always agrees a little better.
+  // The old best motion was fitted freely, so it always agrees better. Its lead does not count.
   if (!others.empty() && !isKnown(others.front().geometry)) {
     const double lead = difference(others.front(), list_.front());
     others.front().probability = std::exp(std::min(lead, 0.0)) * list_.front().probability;
@@ -108,11 +108,12 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
   for (Hypothesis& h : list_) h.probability /= all;
 }
 
-/// The sign of a translation is in the chirality alone, so both signs of each are judged.
+/// The epipolar lines are the same for both signs of the translation; only the chirality differs.
+/// So both signs of each fitted motion are judged.
 void Hypotheses::refine() {
-  constexpr std::size_t kMost = 4;      // fits
-  constexpr float kMostCost = 2.0F;     // factor on the cost of the best start
-  constexpr double kLeastScale = 0.07;  // limits, 0.1 px: smooth errors, which no scale shows
+  constexpr std::size_t kMost = 4;   // maximum number of fits
+  constexpr float kMostCost = 2.0F;  // largest cost of a start that is fitted, over the lowest cost
+  constexpr double kLeastScale = 0.07;  // share of the limit, 0.1 px; residuals hide smooth errors
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   double least = pairs_->limit;
@@ -132,9 +133,10 @@ void Hypotheses::refine() {
 }
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
-  constexpr double kMostOfACell = 1.0;  // one cell: a probability of 0.27 for the other
-  constexpr double kIndifferent = 3.0;  // the difference that noise of three deviations makes
-  constexpr double kOnPlane = 4.5;      // deviations: with noise alone 1 in 25 000 is farther
+  // If one cell alone decides, the other motion keeps a probability of 0.27.
+  constexpr double kMostOfACell = 1.0;
+  constexpr double kIndifferent = 3.0;  // difference of gains that noise of three deviations makes
+  constexpr double kOnPlane = 4.5;  // deviations; by noise alone, 1 pair in 25 000 is farther off
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;
@@ -152,9 +154,9 @@ double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   return std::copysign(least, sum);
 }
 
-/// The first motion wins unless another one is better.
+/// Sets the probabilities. The first motion stays first unless another motion is better.
 void Hypotheses::judge() {
-  constexpr double kMost = 300.0;  // exp() of it is finite
+  constexpr double kMost = 300.0;  // exp(kMost) is finite
   double all = 0.0;
   for (Hypothesis& h : list_) {
     all += h.probability = std::exp(std::min(-difference(list_.front(), h), kMost));

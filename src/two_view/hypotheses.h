@@ -12,42 +12,44 @@ namespace ktgp_orb::two_view {
 struct Hypothesis {
   Epipolar geometry;
   double gain = 0.0;            ///< see Hypotheses
-  double probability = 0.0;     ///< among those in the list
+  double probability = 0.0;     ///< probability among all hypotheses of the list
   std::vector<double> gains{};  ///< gain of each pair
 };
 
-/// All motions that may explain the pairs, and their judge.
+/// The motions that may explain the pairs, and their probabilities.
 ///
-/// Every start is refined by the same fit over all pairs. The likelihood of a pair mixes Student's
-/// t distribution of its distance (EpipolarPairs::distance, which has the chirality) with the
-/// uniform one of wrong pairs; its logarithm over that of a wrong pair is the gain. The motion with
-/// the largest sum explains the pairs best.
+/// Every start is refined by the same fit over all pairs. The likelihood of a pair is a mixture:
+/// Student's t distribution of its distance (EpipolarPairs::distance, which includes the chirality)
+/// for right pairs, and a uniform distribution for wrong pairs. The gain of a pair is the logarithm
+/// of its likelihood over the likelihood of a wrong pair. The motion with the largest sum of gains
+/// explains the pairs best.
 ///
-/// How surely depends on the pairs that tell two motions apart. Neighbouring pairs are not
-/// independent: they may be on something that moves, or be mistaken in the same way. So the
-/// difference of the sums is divided by the factor by which the variance of its parts, summed over
-/// cells of the image, exceeds that of independent pairs (the design effect of cluster samples);
-/// and no cell counts for more than `kMostOfACell`. A pair on the dominant plane, which agrees with
-/// both motions of that plane, has no say where it is nearly indifferent: a thousand pairs with
-/// smooth errors of a hundredth of a pixel would decide.
+/// The difference of two sums tells how much more likely one motion is, but neighbouring pairs are
+/// not independent: they may be on a moving object, or be mistaken in the same way. So the
+/// difference is divided by the design effect of cluster samples: its variance when summed over
+/// cells of the image, over its variance for independent pairs. No cell counts for more than
+/// `kMostOfACell`. A pair on the dominant plane agrees with both motions of that plane, so it is
+/// left out if its two gains are nearly equal. Otherwise a thousand pairs with smooth errors of a
+/// hundredth of a pixel would decide.
 class Hypotheses {
  public:
-  /// Stored by reference. `cell`, side of a cell, and `range`, over which the distances of wrong
-  /// pairs are spread: normalised units. `found`: what the search found. `plane`: the dominant one,
-  /// px; null: none.
+  /// `pairs` is stored by reference. `cell`: side of a cell; `range`: length over which the
+  /// distances of wrong pairs are spread uniformly; both in normalised units. `found`: the motion
+  /// that the search found. `plane`: homography of the dominant plane, px; null if there is none.
   void load(const EpipolarPairs& pairs, double cell, double range, const Epipolar& found,
             const Eigen::Matrix3d* plane);
 
-  /// Adds a start, of either sign, after some steps of its refinement.
+  /// Adds `motion` as a start, after a few steps of the fit. The sign of its translation is chosen
+  /// so that most points are in front of the cameras.
   void start(const RelativePose& motion);
-  /// Fits the best starts, and orders the different motions among them, best first.
+  /// Fits the best starts. The list then holds the different motions, best first.
   void refine();
-  /// Judges these motions, as they are; the best of the others stays as a rival of the same
-  /// probability at most.
+  /// Replaces the list by `motions`, without refining them. The best motion of the old list stays
+  /// as a rival if it is none of them; it is at most as probable as the best of them.
   void prefer(const std::vector<RelativePose>& motions);
   void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }
-  /// Effective difference of log-likelihood between two motions; positive: a is better.
+  /// Effective difference of the log-likelihoods of two motions; positive if `a` is better.
   double difference(const Hypothesis& a, const Hypothesis& b) const;
 
  private:
@@ -58,17 +60,17 @@ class Hypotheses {
   const EpipolarPairs* pairs_ = nullptr;
   EpipolarFit fit_;
   double range_ = 1.0;
-  double scale_ = 1.0;  // scale of the distances
+  double scale_ = 1.0;  // scale of Student's t distribution, normalised units
   // Share of right pairs among the precise pairs [0] and among the others [1].
   double share_[2] = {0.5, 0.5};
   std::vector<std::size_t> cell_;  // cell of each pair
-  std::vector<double> off_plane_;  // distance of each pair over its deviation
+  std::vector<double> off_plane_;  // distance from the plane over relative deviation
   mutable std::vector<double> cells_;
-  std::vector<std::pair<float, Epipolar>> starts_;  // with their costs
+  std::vector<std::pair<float, Epipolar>> starts_;  // cost of each start, and the start
   std::vector<Hypothesis> list_;
 };
 
-/// Angle between the directions, or of the turn between two motions, whichever is larger, rad.
+/// The larger of two angles, rad: between the translations, and between the rotations.
 double apart(const RelativePose& a, const RelativePose& b);
 
 }  // namespace ktgp_orb::two_view

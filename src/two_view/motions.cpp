@@ -25,7 +25,7 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography) {
-  constexpr double kLeast = 1e-9;  // share of the plane's distance: rounding
+  constexpr double kLeast = 1e-9;  // in units of the distance of the plane; less is rounding
   cv::Matx33d calibrated;
   cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
                calibrated);
@@ -54,7 +54,7 @@ std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
 
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography) {
-  // H's first eight entries by rotation, translation and the plane's normal.
+  // Jacobian of H's first eight entries with respect to rotation, translation and normal.
   const double length = motion.translation.norm();
   const Eigen::Vector3d direction = motion.translation / length;
   const Eigen::Matrix<double, 3, 2> around = across(direction);
@@ -145,7 +145,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // A shift by x, y or 1 of the target points along either axis, with coordinates as large as 1.
+  // Shared errors shift the target points by x, y or 1 along either axis (x and y about 1).
   const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
   Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
   Eigen::Vector2d residual;
@@ -157,7 +157,7 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
     by_shared.leftCols<3>() += jacobian.row(0).transpose() * linear.transpose();
     by_shared.rightCols<3>() += jacobian.row(1).transpose() * linear.transpose();
   }
-  // A translation shifts all points alike, which looks like a turn.
+  // An undetected translation shifts all points alike, which looks like a turn.
   Eigen::Matrix<double, 6, 1> deviations;
   deviations.setConstant(shared);
   const Eigen::Matrix<double, 6, 1> moved =
@@ -170,9 +170,9 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
 }
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
-  constexpr int kRounds = 5;  // the first two weigh all pairs alike
+  constexpr int kRounds = 5;  // the first two weigh all pairs nearly alike
   constexpr std::size_t kMost = 200;
-  constexpr double kLeastScale2 = 1e-18;  // rad²; pairs that do not move have none
+  constexpr double kLeastScale2 = 1e-18;  // rad²; without any motion the residuals are zero
   const std::size_t n = std::min(pairs.size(), kMost);
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   double scale2 = std::numeric_limits<double>::infinity();

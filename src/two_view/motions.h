@@ -14,24 +14,24 @@ namespace ktgp_orb::two_view {
 /// A motion over a plane: K'^-1 H K ~ R + t n^T.
 struct PlanarMotion {
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< translation over the distance of the plane
+  Eigen::Vector3d translation;  ///< translation in units of the distance of the plane
   Eigen::Vector3d normal;       ///< unit vector
 
   RelativePose pose() const { return {rotation, translation.normalized()}; }
 };
 
-/// The two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) and that
-/// see the front of the plane at most of the marked pairs; none where the camera did not move.
+/// Up to two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) and in
+/// which most pairs of `mask` see the front of the plane; none if the camera did not move.
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography);
 
-/// `of_homography`, the covariance of the first eight entries, propagated to the motion.
+/// Propagates `of_homography`, the covariance of the first eight entries, to the motion.
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography);
 
-/// The covariance of a homography's first eight entries for errors of the deviation `shared`, px,
-/// that vary linearly over the target points.
+/// The covariance of a homography's first eight entries due to errors with standard deviation
+/// `shared`, px, that vary linearly over the target points.
 Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
                                              const Eigen::Matrix3d& homography, double shared);
 
@@ -42,7 +42,7 @@ struct RotationProblem {
   static constexpr int kParameters = 3;
 
   const Cameras* cameras = nullptr;
-  std::vector<Eigen::Vector3d> rays;     ///< rays of the reference
+  std::vector<Eigen::Vector3d> rays;     ///< rays of the reference points
   std::vector<Eigen::Vector2d> targets;  ///< px
   std::vector<double> precision;         ///< inverse relative deviations
 
@@ -57,11 +57,11 @@ struct RotationProblem {
   }
 };
 
-/// The rotation of maximum likelihood. Keeps its buffers.
+/// Fits the rotation by maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
-  /// Fits the rotation over the pairs near `homography`, which has `inliers`; false if it
-  /// explains less than half of them. `deviations`: see TwoViewInput.
+  /// Fits the rotation, starting from `homography`, to the pairs near it. Returns false if these
+  /// are fewer than half of the `inliers` of the homography. `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
@@ -81,7 +81,7 @@ class RotationFit {
 };
 
 /// The turn that explains the best pairs without a translation: least squares with the weights of
-/// Cauchy's distribution.
+/// the Cauchy distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 }  // namespace ktgp_orb::two_view

@@ -15,8 +15,8 @@ double valueAt(const double* c, std::size_t degree, double z) {
   return value;
 }
 
-/// The root between two places of opposite sign: Newton's steps, the last one below `small`, and
-/// bisection where they leave the bracket.
+/// The root in a bracket whose ends have opposite signs: Newton steps, or bisection if a step
+/// leaves the bracket, until a step is below `small`.
 double rootBetween(const double* c, std::size_t degree, double low, double high, double at_low,
                    double small) {
   constexpr int kMaxSteps = 40;
@@ -38,13 +38,13 @@ double rootBetween(const double* c, std::size_t degree, double low, double high,
   return z;
 }
 
-/// Real roots in [-1, 1] of a polynomial, ascending: between two neighbouring roots of the
-/// derivative there is at most one. Extrema need not be exact to part the roots; after a step of
-/// 1e-8 Newton's error is that of rounding.
+/// Real roots of a polynomial in [-1, 1], ascending. Between two neighbouring roots of the
+/// derivative there is at most one. The roots of the derivatives need not be exact to separate the
+/// roots. After a Newton step below 1e-8, only rounding errors remain.
 template <std::size_t Degree>
 std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
                         std::array<double, Degree>& roots) {
-  std::array<std::array<double, Degree + 1>, Degree> derivative;  // [d]: of degree d + 1
+  std::array<std::array<double, Degree + 1>, Degree> derivative;  // [d] has degree d + 1
   derivative[Degree - 1] = coefficients;
   for (std::size_t d = Degree - 1; d > 0; --d) {
     for (std::size_t i = 0; i <= d; ++i) {
@@ -145,8 +145,8 @@ void constraints(const Null& null, Eigen::Matrix<double, 10, 20>& equations) {
 
 using Polynomial = std::array<double, 5>;  // degree up to 4, lowest first
 
-/// A row of B(z) with B(z) (x y 1)^T = 0: the equation of a monomial times z minus z times that of
-/// the monomial.
+/// A row of B(z), where B(z) (x y 1)^T = 0: the equation of a monomial times z, minus z times the
+/// equation of the monomial.
 std::array<Polynomial, 3> rowOfB(const Eigen::Matrix<double, 6, 10>& m, Eigen::Index with_z) {
   const auto a = m.row(with_z);
   const auto b = m.row(with_z + 1);
@@ -172,7 +172,6 @@ std::array<double, N + M - 1> times(const std::array<double, N>& a,
 
 using MatrixB = std::array<std::array<Polynomial, 3>, 3>;
 
-/// det B(z), of degree ten.
 std::array<double, 11> determinantOf(const MatrixB& b) {
   std::array<double, 13> sum{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -211,7 +210,7 @@ Eigen::Matrix3d matrixOf(const Eigen::Matrix<double, 9, 1>& rows) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
 }
 
-/// Basis of the null space of the constraints, columns row by row.
+/// Basis of the null space of the epipolar constraints. Each column is a matrix, row by row.
 template <int Pairs>
 Eigen::Matrix<double, 9, 9 - Pairs> openSpace(const Eigen::Matrix<double, 3, Pairs>& reference,
                                               const Eigen::Matrix<double, 3, Pairs>& target) {
@@ -235,7 +234,7 @@ template <std::size_t Degree>
 std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
                       std::array<double, Degree>& roots) {
   std::size_t count = rootsInUnit<Degree>(coefficients, roots);
-  // Roots beyond 1 are the inverses of those of the reversed polynomial.
+  // Roots with |z| > 1 are the inverses of the inner roots of the reversed polynomial.
   std::array<double, Degree + 1> reversed = coefficients;
   std::reverse(reversed.begin(), reversed.end());
   std::array<double, Degree> inverse{};
@@ -279,7 +278,7 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
   const Eigen::Matrix<double, 9, 2> null = openSpace<7>(reference, target);
   const Eigen::Matrix3d a = matrixOf(null.col(0));
   const Eigen::Matrix3d b = matrixOf(null.col(1));
-  // det(a + z b): its ends, and the middle by the derivative of the determinant.
+  // Coefficients of det(a + z b): det a, det b, and between them the sums that `mixed` computes.
   const auto mixed = [](const Eigen::Matrix3d& once, const Eigen::Matrix3d& twice) {
     return once.col(0).dot(twice.col(1).cross(twice.col(2))) +
            once.col(1).dot(twice.col(2).cross(twice.col(0))) +
@@ -294,8 +293,8 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
   }
 }
 
-// With E = [t] R, the cross products of E's columns are the columns of t t^T R, and [t] E is
-// t t^T R - R. So R = t t^T R - [t] E; with -t, + [t] E.
+// With E = [t] R, the cross products of E's columns are the columns of t t^T R, and t t^T R - R =
+// [t] E. So R = t t^T R - [t] E for t, and R = t t^T R + [t] E for -t.
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& e) {
   Eigen::Matrix3d products;
   products << e.col(1).cross(e.col(2)), e.col(2).cross(e.col(0)), e.col(0).cross(e.col(1));

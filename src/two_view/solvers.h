@@ -12,8 +12,8 @@ namespace ktgp_orb::two_view {
 
 using util::crossed;
 
-/// Real roots of sum of coefficients[i] z^i, ascending within |z| <= 1 and then the others. Returns
-/// their number, at most Degree.
+/// Real roots of the sum of coefficients[i] z^i: first the roots with |z| <= 1, ascending, then the
+/// others. Returns their number, at most Degree.
 template <std::size_t Degree>
 std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
                       std::array<double, Degree>& roots);
@@ -33,8 +33,8 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
 /// The four motions of an essential matrix of norm sqrt(2), in closed form (Horn, 1990).
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& essential);
 
-/// Whether the point that two rays see best, q in the reference and q' in the target, is in front
-/// of both cameras.
+/// Whether the point nearest to two rays, q of the reference and q' of the target camera, is in
+/// front of both cameras.
 bool inFront(const RelativePose& motion, const Eigen::Vector3d& reference,
              const Eigen::Vector3d& target);
 

@@ -9,7 +9,7 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-/// Numbers the cells of side `apart` that the points are in; at most 1024 along each axis.
+/// Finds the cell of each point. `apart`: side of a cell, unless an axis has over 1024 cells.
 void numberCells(const std::vector<Eigen::Vector2d>& points, double apart,
                  std::vector<std::uint32_t>& cell, std::vector<std::uint8_t>& taken) {
   constexpr double kMost = 1024.0;
@@ -43,7 +43,7 @@ void Support::clear() {
   std::fill(target_taken_.begin(), target_taken_.end(), std::uint8_t(0));
 }
 
-/// Whether a pair since clear() was in the same place; remembers where this one is.
+/// Whether a cell of `pair` has been marked since clear(). If not, marks both of its cells.
 bool Support::isRepeated(std::uint32_t pair) {
   std::uint8_t& reference = reference_taken_[reference_cell_[pair]];
   std::uint8_t& target = target_taken_[target_cell_[pair]];
@@ -74,7 +74,8 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   const double log_models = std::log10(models);
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
-    // The chance that exactly the first k + 1 agree. As many as chance gives are no evidence.
+    // The probability that the first k + 1 pairs, and no others, agree by chance; p is the largest
+    // probability of these pairs. If chance explains as many inliers, they are no evidence.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

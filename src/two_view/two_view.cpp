@@ -50,7 +50,7 @@ struct TwoViewEstimator::Impl {
         prosac({given.max_error, std::min(given.max_iterations, kPlaneSamples), given.confidence,
                 given.seed}) {}
 
-  static constexpr int kPlaneSamples = 250;  // a plane that takes more samples is not published
+  static constexpr int kPlaneSamples = 250;  // a plane that needs more samples is not reported
 
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   bool findEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
@@ -90,15 +90,15 @@ struct TwoViewEstimator::Impl {
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
   estimation::ProsacSearch<EpipolarProblem> search;
-  two_view::EpipolarFit fit;  // fit of the answer
+  two_view::EpipolarFit fit;  // fit of the reported geometry
   two_view::Hypotheses hypotheses;
-  std::vector<two_view::PlanarMotion> planes;  // motions of the plane that explains the pairs
+  std::vector<two_view::PlanarMotion> planes;  // motions that the homography of the plane allows
   Epipolar epipolar;
   two_view::Support support;
-  std::vector<double> chance;  // false alarms of each pair; above 1: it does not agree
+  std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
   std::vector<double> angles;
-  double fitted_scale = 0.0;  // scale of the motion whose covariance was asked for, px
+  double fitted_scale = 0.0;  // scale of the last fit in covarianceOf(), px
   double target_area = 0.0;
 };
 
@@ -155,11 +155,13 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
 bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                           TwoView& result) {
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
-  // Chance of a strip of the limit on both sides of a line, in a square of the covered area.
+  // Chance that a random target point is an inlier. A strip along the epipolar line, as wide as the
+  // limit on both sides, covers this share of a square with the area of the target points.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
-  // With little parallax, wrong motions agree with most pairs, and so with all of the best ones.
-  // Without K there are no other starts, and a sample on one plane finds what agrees with it alone.
+  // Sampling could stop too early: with little parallax, wrong motions agree with most pairs, and
+  // even with all of the best pairs. With K, the fit has other starts, too (see startElsewhere).
+  // Without K, a sample on one plane may give a geometry that agrees only with that plane.
   rules.min_iterations = cameras ? 40 : 200;
   rules.seed = options.seed;
   std::optional<Epipolar> initial;
@@ -180,9 +182,9 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
   return fit.minimise(epipolar);
 }
 
-/// With little parallax, a wrong direction of the translation agrees with most pairs once the turn
-/// makes up for it. Sampling stops there, and the fit does not leave it. On a plane the second
-/// motion does as well. So the fit starts from all that may be.
+/// With little parallax, a wrong direction of the translation agrees with most pairs if the
+/// rotation makes up for it. Sampling stops at such a motion, and the fit cannot leave it. On a
+/// plane, the second motion of its homography agrees, too. So the fit starts from all of these.
 void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoViewInput& input) {
   static const Eigen::Vector3d directions[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
                                                {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
@@ -210,17 +212,17 @@ double TwoViewEstimator::Impl::diagonalOf(const TwoViewInput& input) const {
                                    : std::hypot(input.target_size.width, input.target_size.height);
 }
 
-/// Side of a cell of the reference, normalised units.
+/// Side of a cell of the reference image, normalised units.
 double TwoViewEstimator::Impl::cellOf(const PointPairs& pairs, const TwoViewInput& input) const {
   const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
   return (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
 }
 
-/// Fills log_plane, and log_rotation where the cameras are known and only turned.
+/// Fills log_plane; also log_rotation if K is known and a rotation explains the pairs.
 void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoViewInput& input) {
   has_plane = options.homography && plane.status == Status::ok;
   log_plane = 0.0;
-  log_rotation = std::numeric_limits<double>::infinity();  // there is none
+  log_rotation = std::numeric_limits<double>::infinity();  // until a rotation is found
   if (!has_plane) return;
   const auto judge = [&](const Eigen::Matrix3d& h, std::size_t sample) {
     chance.assign(pairs.size(), 2.0);
@@ -238,10 +240,9 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
   }
 }
 
-/// Fills log_epipolar.
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  constexpr double kLeastDistance = 0.5;  // px: with exact points everything would be significant
-  constexpr double kLeastParallax = 0.2;  // px: lenses and shutters bend images by as much
+  constexpr double kLeastDistance = 0.5;  // px; else exact points make anything significant
+  constexpr double kLeastParallax = 0.2;  // px; lens and shutter distort images by this much
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
   const double diagonal = diagonalOf(input);
@@ -259,13 +260,13 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Parallax: how many errors from the homography in random directions would be as near to the
-  // epipolar line? Given the homography, two pairs determine the rest, the epipole.
+  // Evidence for parallax: how many errors from the homography would be as near to the epipolar
+  // lines if their directions were random? Given the homography, two pairs determine the epipole.
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
-  // On a near plane many pairs have a little parallax. Wrong pairs are farther away.
-  constexpr double kNear = 2.0;  // times the limit
+  // Points near the plane have a small parallax; wrong pairs are farther from the homography.
+  constexpr double kNear = 2.0;  // in units of the limit
   displaced.assign(pairs.size(), {});
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
@@ -285,11 +286,11 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Whether noise and the errors that all points share explain the difference of the homography from
-/// that of a turn: such a translation does not count.
+/// Whether noise, and the errors that all points share, explain how the homography differs from the
+/// homography of a turn. If so, the translation that it implies does not count.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
-  constexpr double kPoor = 10.0;     // a poor calibration has so many times the usual errors
+  constexpr double kPoor = 10.0;     // errors of a poor calibration, as a multiple of shared_error
   if (!cameras || !std::isfinite(log_rotation)) return false;
   const Eigen::Matrix<double, 8, 1> difference =
       util::entriesOf(plane.answer.homography) -
@@ -300,16 +301,16 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
-/// Whether a rotation or a standing camera explains most inliers to within their errors, and all
-/// other inliers lie in one region: then a moving object there may be mistaken for depth.
+/// Whether a rotation or a camera at rest explains most inliers within their errors, and most other
+/// inliers lie in one region. Then a moving object there may be mistaken for depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
-  constexpr double kErrors = 4.0 * 1.5;  // scales of Sampson distances, for both coordinates
+  constexpr double kErrors = 4.0 * 1.5;  // scales of Sampson distances; 1.5 for two coordinates
   constexpr double kLeastScale = 0.1;    // px
   constexpr std::size_t kFew = 8;
-  constexpr double kOutside = 0.1;  // share of the moving pairs, on each side of the region
-  constexpr double kResting = 0.3;  // largest share of resting pairs among those in the region
-  constexpr double kLargest = 0.5;  // largest region, as a share of the area of all
+  constexpr double kOutside = 0.1;  // share of the moving pairs that is cut off on each side
+  constexpr double kResting = 0.3;  // largest share of resting pairs among all pairs in the region
+  constexpr double kLargest = 0.5;  // largest region, as a share of the area of all pairs
   if (!std::isfinite(log_rotation)) return false;
   const Eigen::Matrix3d h = cameras->homographyOf(turn.rotation());
   const double limit = kErrors * std::max(result.scale, kLeastScale);
@@ -338,16 +339,16 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
-/// The most precise pairs are those whose patches look alike, and nearly all of them agree with a
-/// right motion: 85 % or more in 340 of 351 pairs of 21 sets. Where a texture repeats itself, many
-/// do not, as in all 20 pairs of a drawn facade and a chessboard. The motion may then be wrong by
-/// as much as these are off.
+/// The most precise pairs are the pairs whose patches could be aligned. If the motion is right,
+/// nearly all of them agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a
+/// texture repeats itself, many disagree, as in all 20 image pairs of a drawn facade and a
+/// chessboard. The motion may then be wrong by the median error of the pairs that disagree.
 void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
-  constexpr std::size_t kFew = 8;      // pairs that do not agree
-  constexpr double kOpenTurn = 0.2;    // rad, largest standard deviation
-  constexpr double kOpenAcross = 1.0;  // rad, the same of the direction of the translation
+  constexpr std::size_t kFew = 8;      // minimum number of precise pairs that disagree
+  constexpr double kOpenTurn = 0.2;    // rad, largest deviation added to the rotation
+  constexpr double kOpenAcross = 1.0;  // rad, largest deviation added to the direction
   if (!cameras || input.deviations == nullptr) return;
   std::size_t precise = 0;
   std::size_t agree = 0;
@@ -371,11 +372,11 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
   result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += turn_off * turn_off;
 }
 
-/// By how much the precise pairs that do not agree are off, px: the median.
+/// Median error of the precise pairs that do not agree, px.
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
-  constexpr double kOfSampson = 2.0;  // for the errors of both images, and along the line
+  constexpr double kOfSampson = 2.0;  // to include errors of both images and along the line
   const bool is_epipolar = result.geometry == Geometry::epipolar;
   angles.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -390,7 +391,7 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
   return *middle;
 }
 
-/// Adds the turn as the other explanation: the direction of the translation is then open.
+/// Adds the turn as the other motion. The direction of the translation is then unknown.
 void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   constexpr double kEven = 0.5;
   result.doubt = Doubt::moving_region;
@@ -404,9 +405,9 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   result.pose_covariance.bottomRightCorner<3, 3>() += kEven * step * step.transpose();
 }
 
-/// The unit of the translation of a turn is the distance of the scene. Residuals may be parallax,
-/// and its mean, which looks like a turn, is about three times their scale: 2.2 times the scatter
-/// for depths of 3 to 12, of which Student's scale is 0.8.
+/// The unit of the translation of a turn is the distance of the scene. The residuals may be
+/// parallax, whose mean looks like a turn. For depths of 3 to 12, the mean is 2.2 times the
+/// scatter, and Student's scale is 0.8 times the scatter, so the mean is about three scales.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
   const double unseen = kMeanOfScale * turn.scale();
@@ -417,10 +418,10 @@ Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   return covariance;
 }
 
-/// Whether the inliers mirror the image: no camera does. Parts that are symmetric agree with a
-/// motion all the same.
+/// Whether the inliers map the image to its mirror image, which no camera can do. Wrong matches of
+/// symmetric objects do, and may still agree with a motion.
 bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& result) {
-  constexpr double kClearly = -0.3;  // 1: a similarity, -1: a mirror image of one
+  constexpr double kClearly = -0.3;  // compared with 1 for a similarity and -1 for a mirrored one
   Eigen::Vector2d from = Eigen::Vector2d::Zero();
   Eigen::Vector2d to = Eigen::Vector2d::Zero();
   const auto count = static_cast<double>(result.inliers);
@@ -441,7 +442,7 @@ bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& 
   return 2.0 * map.determinant() < kClearly * map.squaredNorm();
 }
 
-/// The motion of the plane that equals `pose`; null: none does.
+/// The motion of the plane that equals `pose`; null if there is none.
 const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose& pose) const {
   constexpr double kSame = 1e-6;  // rad
   for (const two_view::PlanarMotion& motion : planes) {
@@ -450,11 +451,11 @@ const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose&
   return nullptr;
 }
 
-/// NaN if the pairs do not determine the motion.
+/// Covariance of `pose`; NaN if the pairs do not determine it.
 Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const PointPairs& pairs,
                                                  const TwoViewInput& input) {
-  constexpr double kMostTurn = 0.1;    // rad, standard deviation
-  constexpr double kMostAcross = 0.7;  // rad, of the direction of the translation
+  constexpr double kMostTurn = 0.1;    // rad, largest deviation of the rotation
+  constexpr double kMostAcross = 0.7;  // rad, largest deviation of the direction of the translation
   if (const two_view::PlanarMotion* motion = planar(pose)) {
     return two_view::covarianceOf(
         *motion, *cameras,
@@ -478,13 +479,13 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   return Covariance6::Constant(kNaN);
 }
 
-/// Sets the likeliest motion and another one that is not excluded, and lets the covariance span all
-/// of these. False if the pairs do not determine the likeliest.
+/// Sets the likeliest motion, and the next one that is not excluded. The covariance covers all
+/// motions that are not excluded. Returns false if the pairs do not determine the likeliest motion.
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.2;   // weight in the covariance: a probability is not known better
-  constexpr double kApart = 25.0;  // squared deviations; nearer ones belong to the same motion
+  constexpr double kLeast = 0.2;   // least weight of a motion, as probabilities are not exact
+  constexpr double kApart = 25.0;  // squared deviations; a nearer motion counts as the same
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
   const Covariance6 own = covarianceOf(best, pairs, input);
@@ -507,7 +508,7 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // A difference of directions is shorter than the arc.
+    // Covers that the difference of two unit vectors is shorter than the arc between them.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
@@ -550,7 +551,7 @@ void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, const TwoViewInpu
   if (result.other) result.doubt = Doubt::two_motions_of_a_plane;
 }
 
-/// Withdraws the answer; the false alarms of the models stay.
+/// Withdraws the answer, but keeps the numbers of false alarms.
 void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
   result.status = Status::model_rejected;
   result.doubt = doubt;
@@ -565,7 +566,7 @@ void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
   result.inliers = 0;
 }
 
-/// False if the inliers do not determine the geometry.
+/// Returns false if the inliers do not determine the geometry.
 bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                          TwoView& result) {
   if (cameras) {
@@ -586,17 +587,17 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   return true;
 }
 
-/// Why another motion is as likely, for a scene with depth.
+/// The reason why another motion is nearly as likely, for a scene with depth.
 Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
-  constexpr double kSmallParallax = 1.0;  // degrees; ORB-SLAM starts no map below it
+  constexpr double kSmallParallax = 1.0;  // degrees; below this, ORB-SLAM does not start a map
   if (result.parallax < kSmallParallax) return Doubt::small_parallax;
   return 2 * plane.inliers > result.inliers && has_plane ? Doubt::few_points_off_the_plane
                                                          : Doubt::other_motion;
 }
 
-/// Calibrated cameras have 0.02 to 0.06 px. With 0.05 px the medians of e'S^-1e are 1.0 to 3.0 on
-/// six drawn scenes with a translation (4.35 is right), with 0.5 px 0.04 to 1.9; on KITTI and
-/// Strecha 3.6 to 4.8.
+/// Calibrated cameras have shared errors of 0.02 to 0.06 px. The median of e'S^-1e should be 4.35.
+/// With 0.05 px it is 1.0 to 3.0 on six drawn scenes with a translation, and 3.6 to 4.8 on KITTI
+/// and Strecha. With 0.5 px it is 0.04 to 1.9 on the drawn scenes.
 TwoViewOptions TwoViewOptions::realCameras() {
   TwoViewOptions options;
   options.shared_error = 0.05;

@@ -17,7 +17,7 @@ namespace ktgp_orb::util {
 /// or empty.
 template <typename Matrix>
 void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
-  // With a shorter focal length, a lens cannot show a plane as a plane.
+  // With a shorter focal length, a lens cannot show straight lines as straight.
   constexpr double kLeast = 0.15;
   constexpr double kMost = 50.0;  // longer than the focal length of any camera's telephoto lens
   constexpr double kAny = 1e12;   // px

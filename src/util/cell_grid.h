@@ -11,14 +11,14 @@
 namespace ktgp_orb::util {
 
 /// Sorts points into square cells, so that the points near a position are found fast. Points
-/// outside the image, or not finite, belong to the nearest cell. Keeps its buffers.
+/// outside the image belong to the nearest cell; NaN counts as 0. Keeps its buffers.
 class CellGrid {
  public:
   /// Sorts `count` points. `point(i)`: position of point i, px. `side`: side of a cell, px, > 0; it
   /// is increased if there would be too many cells.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
-    // Cells along a side; more cells would cost more time than they save.
+    // Maximum number of cells along a side; more cells would cost more time than they save.
     constexpr double kMostCells = 1024.0;
     per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
     columns_ = static_cast<int>(image.width * per_side_) + 1;

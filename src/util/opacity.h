@@ -6,7 +6,7 @@ namespace ktgp_orb::util {
 
 /// Mask (CV_8UC1) of the visible part of a picture whose fourth channel is opacity: 255 where the
 /// picture is at least half opaque, else 0. The mask is empty if there is no fourth channel, or if
-/// all pixels would have the same value in the mask. (Some drivers set the opacity of all pixels to
+/// the mask would have the same value everywhere. (Some drivers set the opacity of all pixels to
 /// zero.)
 cv::Mat visiblePart(const cv::Mat& picture);
 

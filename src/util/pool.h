@@ -12,9 +12,9 @@ namespace ktgp_orb::util {
 /// back with its buffers.
 ///
 /// A shared_ptr frees its control block when nobody holds the pointer any more. Here the control
-/// block lies beside the object, so no memory is allocated for it, and when it is freed, the pool
-/// knows that the object is free. The lock makes all accesses of the last holder come before the
-/// accesses of the next holder; use_count() would not guarantee this.
+/// block lies beside the object. So no memory is allocated for the block, and when the block is
+/// freed, the pool knows that the object is free. The lock makes all accesses of the last holder
+/// come before the accesses of the next holder; use_count() would not guarantee this.
 template <typename T>
 class Pool {
  public:

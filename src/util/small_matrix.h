@@ -5,9 +5,9 @@
 
 namespace ktgp_orb::util {
 
-/// A matrix of up to 24 rows and columns, without heap memory. With fixed sizes, Eigen compiles
-/// every operation anew for each combination of sizes, which took a minute for one file. Functions
-/// that take this type are compiled once.
+/// A matrix of up to 24 rows and columns, without heap memory. With fixed sizes, the compiler
+/// instantiates every Eigen operation again for each combination of sizes, which took a minute for
+/// one file. Functions that take this type are compiled once.
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 24, 24>;
 using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
 

@@ -7,21 +7,22 @@
 
 namespace ktgp_orb::util {
 
-/// Tells which stamp of a sequence is wrong, by those around it. A stamp before the newest one, or
-/// far beyond it, stays apart: if the next one continues from it, both are believed (a looped
-/// recording, a clock that was set, a camera that paused); if not, it was wrong and is forgotten. A
-/// stamp that was a little ahead is accepted at first; two stamps in order between the one before
-/// it and itself show that it was wrong.
+/// Detects wrong stamps in a sequence, by comparison with the neighbouring stamps. A stamp that is
+/// before the newest accepted stamp, or far after it, is set apart. If the next stamp continues
+/// from the stamp set apart, both are accepted: the recording was looped, a clock was set, or the
+/// camera paused. Otherwise the stamp set apart was wrong and is forgotten. A stamp that is only a
+/// little ahead is accepted at first. It is recognised as wrong if the next two stamps are in order
+/// and lie between its predecessor and it.
 class StampOrder {
  public:
   struct Place {
-    bool is_apart = false;       ///< the stamp stays apart
-    bool restarted = false;      ///< the one before, which was apart, is where the sequence begins
-    bool was_one_ahead = false;  ///< the last one that was accepted was wrong, the one after it
-                                 ///< right: the sequence goes on
+    bool is_apart = false;   ///< this stamp was set apart, not accepted
+    bool restarted = false;  ///< the sequence begins anew with the previous stamp (set apart)
+    /// The newest accepted stamp was wrong, the stamp set apart is right; the sequence continues.
+    bool was_one_ahead = false;
   };
 
-  /// `longest`: a larger step is far, ns.
+  /// `longest`: a stamp more than this time, ns, after the newest stamp is set apart.
   Place next(std::int64_t stamp,
              std::uint64_t longest = std::numeric_limits<std::uint64_t>::max()) {
     Place place;
@@ -40,12 +41,12 @@ class StampOrder {
     return place;
   }
 
-  /// The one before the newest of those that were accepted.
+  /// The stamp that was accepted before the newest accepted stamp.
   std::optional<std::int64_t> before() const { return before_; }
   bool isBehind(std::int64_t stamp) const { return newest_ && stamp < *newest_; }
 
  private:
-  /// Two stamps may differ by more than half the range.
+  /// Unsigned, since the difference of two stamps may exceed the range of a signed number.
   static std::uint64_t difference(std::int64_t later, std::int64_t earlier) {
     return static_cast<std::uint64_t>(later) - static_cast<std::uint64_t>(earlier);
   }

@@ -58,7 +58,7 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  // Workers that still sleep will find no loop, so there is no need to wait for them.
+  // Workers that are still asleep will find no loop later, so we need not wait for them.
   loop_ = nullptr;
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });

@@ -51,7 +51,7 @@ class ThreadPool {
   std::mutex mutex_;          // guards the members that follow it
   std::condition_variable loop_opened_;
   std::condition_variable worker_left_;
-  // The loop that is running; if null, workers that wake up late sleep again.
+  // The loop that is running; if it is null, workers that wake up late go to sleep again.
   const Loop* loop_ = nullptr;
   // This and the next two members are also read without the mutex.
   std::atomic<std::uint64_t> loops_opened_{0};

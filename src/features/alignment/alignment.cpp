@@ -51,8 +51,8 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
 
 /// The aligned homography is the answer unless the keypoints determine the corners of the image
 /// better. This happens if patches could be aligned only in a small part of the image, or scatter
-/// like keypoints. The smooth errors of aligned points come from the scene and affect keypoints in
-/// the same way, so the candidate's shared covariance is not counted.
+/// like keypoints. The smooth errors of aligned points come from the scene, and keypoints have the
+/// same errors. So the shared covariance of the candidate is not counted.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
@@ -108,7 +108,7 @@ void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
   result.points.clear();
-  // Moving `points` keeps its buffer.
+  // Moving `points` into the new result keeps the buffer.
   result = {AlignmentStatus::not_run, start, std::move(result.points)};
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;

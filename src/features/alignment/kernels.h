@@ -71,8 +71,8 @@ struct AlignmentKernels {
 /// Weights for interpolation at the fraction `f` of a pixel: the weight of the pixel itself, of the
 /// pixel before, and of the two pixels after. This cubic displaces waves with a length of six
 /// pixels or more by less than 0.001 px. The cubic of Catmull and Rom would displace them by up to
-/// 0.017 px, always towards whole pixels, so that the errors of the steps of a slow camera would
-/// add up.
+/// 0.017 px, always towards whole pixels, so that the errors would add up from frame to frame if
+/// the camera moves slowly.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)

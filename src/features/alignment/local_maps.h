@@ -11,11 +11,11 @@
 
 namespace ktgp_orb::alignment {
 
-/// Computes for each match how its surroundings are mapped to the target. No homography is needed.
-/// Keeps its buffers.
+/// Computes for each match the affine map of its surroundings from the reference to the target. No
+/// homography is needed. Keeps its buffers.
 class LocalMaps {
  public:
-  /// Parallel arrays of matched points, px; `image`: size of the reference.
+  /// Parallel arrays of matched points, px; `image`: size of the reference image.
   void load(const std::vector<Eigen::Vector2d>& reference,
             const std::vector<Eigen::Vector2d>& target, const cv::Size& image);
 

@@ -47,10 +47,10 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Apparent shift of a patch, px of the target, which arises because H is not affine: the mean of
-/// the second-order part of H over the patch. `back`: inverse of H's Jacobian at the middle of the
-/// patch, which warps it; `w`: third coordinate of the mapped middle; `side`: sides of the patch,
-/// px of the target.
+/// Apparent shift of a patch, px of the target. It is the mean of the second-order part of H over
+/// the patch, and differs from zero because H is not affine. `back`: inverse of H's Jacobian at the
+/// middle of the patch, which warps it; `w`: third coordinate of the mapped middle; `side`: sides
+/// of the patch, px of the target.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -150,7 +150,7 @@ struct Texture {
 
   /// Computes the moments; empty if the patch has too little texture to be located.
   static std::optional<Texture> of(const PatchTemplate& patch) {
-    constexpr double kLeast = 500.0;  // grey values² per px², summed over the patch
+    constexpr double kLeast = 500.0;  // lower limit, grey values² (per px²), summed over the patch
     if (!(patch.tt > kLeast)) return std::nullopt;
     Texture t{patch.tx / patch.tt, patch.ty / patch.tt, 0.0, 0.0, 0.0, 0.0};
     t.xx = patch.xx - t.sx * patch.tx;
@@ -167,7 +167,7 @@ struct Texture {
 /// The upper left pixel of the window in which a patch can move whose upper left corner is
 /// `corner`; empty if the window leaves the image.
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
-  constexpr double kFar = 1e6;     // far outside any image, but still an int
+  constexpr double kFar = 1e6;     // beyond any image, but small enough for an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
   // Whole px that the patch can move in each direction.
   constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;
@@ -191,7 +191,7 @@ std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, do
   const double gain = m.ti / tt;
   const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
   if (!(gain > 0.0) || !(variance > 0.0)) return std::nullopt;
-  // With very low contrast, the rounding of single-precision sums may give a value above 1.
+  // Limited to 1, since rounding of the single-precision sums may give more at very low contrast.
   correlation = std::min(1.0, gain * m.ti / variance);
   const double bx = (m.xi - t.sx * m.ti) / gain;
   const double by = (m.yi - t.sy * m.ti) / gain;

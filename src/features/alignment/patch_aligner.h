@@ -42,8 +42,8 @@ class PatchAligner {
   bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
   /// Aligns one patch. `point`: position in the reference, px; the patch is centred between the
-  /// four pixels nearest to it. `reach`: largest distance that the patch may move, px of the
-  /// target's level, at most (kWindowSide - kPatchSide) / 2 - 2.
+  /// four pixels nearest to it. `reach`: largest distance by which the patch may move, in px of the
+  /// target's level; at most (kWindowSide - kPatchSide) / 2 - 2.
   AlignedPatch align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point, double reach);
 
  private:

@@ -30,7 +30,7 @@ class PointSpread {
   util::Buckets cells_;
   // Indices of the points that do not coincide with an earlier point, cell by cell.
   std::vector<std::uint32_t> kept_;
-  // Index in kept_ at which each cell begins, and last the size of kept_.
+  // Index in kept_ at which each cell begins; the last entry is the size of kept_.
   std::vector<std::uint32_t> begin_;
   std::vector<std::uint32_t> round_;
 };

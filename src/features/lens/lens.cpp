@@ -23,7 +23,7 @@ bool isFinite(const cv::Matx33d& matrix) {
 /// OpenCV's lens models ignore skew. The principal point may be outside the image if the image is a
 /// part (roi) of a larger image.
 void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
-  // Largest distance of the principal point, as a multiple of the image size.
+  // Largest |cx| and |cy|, measured from the image's corner, as a multiple of width and height.
   constexpr double kFarthest = 10.0;
   util::requireK(name, camera, image);
   if (camera(0, 1) != 0.0) {
@@ -92,8 +92,8 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
 
 constexpr double kNear = 1.0;  // px
 
-/// Throws if the distortion cannot be inverted near the middle of the image. The distortion of any
-/// calibrated lens can be inverted there.
+/// Throws if the distortion cannot be inverted near the middle of the image. If the calibration is
+/// right, it can be inverted there.
 void requireInverse(const LensCalibration& c) {
   // Distance of the test point from the principal point, as a share of the image size.
   constexpr double kShare = 0.125;

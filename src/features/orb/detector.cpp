@@ -21,8 +21,8 @@ float arcTangent(float ratio) {
   return (((kP7 * square + kP5) * square + kP3) * square + kP1) * ratio;
 }
 
-// Returns `whole` - angle if `wanted`, else the angle, which is not negative. The function has no
-// branch, because the branch would be mispredicted often.
+// Returns `whole` - `angle` if `wanted`, else `angle`; `angle` must not be negative. There is no
+// branch, because the processor would often mispredict it.
 float reflected(float angle, float whole, bool wanted) {
   const float sign[] = {1.f, -1.f};
   const float base[] = {0.f, whole};

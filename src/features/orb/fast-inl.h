@@ -18,8 +18,8 @@ using ByteVector = hn::Vec<Bytes>;
 
 // For each pixel: the minimum over an arc of nine neighbours, maximised over all arcs.
 //
-// Two arcs that start at an even neighbour and at its successor share eight neighbours:
-// max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
+// An arc that starts at an even neighbour and the arc that starts at the next neighbour share eight
+// neighbours: max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
 HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   ByteVector ends[8];
   ByteVector two[8];
@@ -67,8 +67,8 @@ HWY_INLINE ByteVector cornerScores(const std::uint8_t* pixel, const std::ptrdiff
   for (int i = 0; i < 16; ++i) {
     if (i % 4 != 0) p[i] = hn::LoadU(d, pixel + circle[i]);
   }
-  // One search for both kinds of arcs: if all bits of a pixel and its circle are inverted, a dark
-  // arc becomes a bright one.
+  // One search finds both kinds of arcs: if all bits of a pixel and of its circle are inverted, a
+  // dark arc becomes a bright arc.
   const auto inversion = hn::Not(hn::VecFromMask(d, canOnlyBeBright(p, centre)));
   for (ByteVector& neighbour : p) neighbour = hn::Xor(neighbour, inversion);
   const auto contrast = hn::SaturatedSub(brightestArc(p), hn::Xor(centre, inversion));
@@ -109,9 +109,9 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    // There are always at least three rounds, since a register seldom has more maxima, and a branch
-    // that depends on their number is often mispredicted. A round without a maximum writes, but
-    // does not advance `found`.
+    // There are always at least three rounds. A register seldom has more than three maxima, and a
+    // branch that depends on their number would often be mispredicted. A round without a maximum
+    // writes, but does not advance `found`.
     for (int round = 0; round < 3 || bits != 0; ++round, bits &= bits - 1) {
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));

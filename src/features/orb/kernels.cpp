@@ -102,9 +102,9 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   return {sum_x, sum_y};
 }
 
-// a * b + c rounded once, like a fused multiply-add: the product of two floats is exact in double
-// precision. (The sum is rounded twice, to double and then to float. The result can differ only if
-// the sum in double precision is exactly half-way between two floats.)
+// Computes a * b + c with one rounding, like a fused multiply-add, since the product of two floats
+// is exact in double precision. (The sum is rounded twice, to double and then to float. The result
+// can differ only if the sum in double precision is exactly half-way between two floats.)
 float multiplyAdd(float a, float b, float c) {
   return static_cast<float>(static_cast<double>(a) * b + c);
 }

@@ -45,7 +45,7 @@ constexpr float kRounder = 12582912.f;              // 1.5 * 2^23
 constexpr std::uint32_t kRounderBits = 0x4B400000;  // kRounder as an integer with the same bits
 
 /// Harris response det M - k (trace M)^2 of the structure tensor M. The gradients are scaled to
-/// grey values in [0, 1], and divided by the sum of Sobel's weights and by the side of the block.
+/// grey values in [0, 1], and divided by the sum of the Sobel weights and by the side of the block.
 /// Every operation rounds to float, in this order, so that equal sums give equal responses on all
 /// machines.
 inline float harrisResponse(int xx, int yy, int xy) {

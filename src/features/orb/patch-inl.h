@@ -31,8 +31,8 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const auto block = hn::FirstN(d, 2 * kHarrisRadius + 1);
 
   using V = hn::Vec<decltype(d)>;
-  V change[9];  // of each row: right neighbour minus left neighbour
-  V smooth[9];  // of each row: left + 2 * middle + right
+  V change[9];  // for each row: right neighbour minus left neighbour
+  V smooth[9];  // for each row: left + 2 * middle + right
   for (int i = 0; i < 9; ++i) {
     const std::uint8_t* p = pixel + (i - 4) * stride - kHarrisRadius;
     const auto left = hn::PromoteTo(d, hn::LoadU(d8, p - 1));
@@ -115,7 +115,7 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  // Value that kRounderBits in row and column add to row * stride + column, modulo 2^32.
+  // Error of row * stride + column, modulo 2^32, if row and column still contain kRounderBits.
   hn::Vec<Offsets> surplus_;
 };
 

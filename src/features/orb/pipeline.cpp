@@ -133,7 +133,8 @@ void OrbPipeline::cutIntoBands() {
   }
 }
 
-/// In a uniform distribution, corners of half the threshold count where there are few.
+/// The FAST threshold of the first detection. A uniform distribution needs half of the given
+/// threshold, because parts of the image with few corners use weaker corners, too.
 int OrbPipeline::fullThreshold() const {
   constexpr int kWeaker = 2;
   return options_.distribution == KeypointDistribution::ranked
@@ -157,11 +158,11 @@ void OrbPipeline::detectAndBlur(Band& band) {
            band.blurred_rows, levels_[band.level].blurred);
 }
 
-/// Detects again with half of the threshold, a quarter of it ..., while the frame has few corners:
-/// it is dark or blurred, or shows little.
+/// If the frame has few corners, for example because it is dark or blurred, detects again with half
+/// of the threshold, then with a quarter of it, and so on.
 void OrbPipeline::detectWeaker() {
-  constexpr int kFew = 4;      // fewer than this part of the wanted features
-  constexpr int kWeakest = 5;  // grey values; below it, corners are noise
+  constexpr int kFew = 4;      // limit: 1 / kFew of the wanted features
+  constexpr int kWeakest = 5;  // grey values; corners below this threshold are noise
   const int bands = levels_[pyramid_.used() - 1].last_band;
   const auto hasFew = [&] {
     std::size_t corners = 0;
@@ -225,8 +226,8 @@ void OrbPipeline::gather(Features& features) {
   resizeDescriptors(static_cast<int>(features.size()), options_.max_features, features.descriptors);
 }
 
-// All directions are computed before all descriptors. The direction of a keypoint is a long chain
-// of dependent operations, and the processor can interleave it with the chains of other keypoints.
+// All directions are computed before all descriptors. Each direction is a long chain of dependent
+// operations. In a loop of its own, the processor can interleave the chains of several keypoints.
 void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
   std::array<cv::Point2f, kKeypointsPerTask> directions;
   for (int i = begin; i < end; ++i) {

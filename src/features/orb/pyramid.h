@@ -69,11 +69,11 @@ class OrbPyramid {
   /// Computes the levels after `first_level`, each from the previous one.
   void shrink(const OrbKernels& kernels);
 
-  /// Reuses the memory of `images` for the computed levels, unless another matrix shares this
-  /// memory. So images that were handed out before are never overwritten.
+  /// Reuses the memory of `images` for the computed levels. Memory that another matrix shares is
+  /// not reused, so images that were handed out before are never overwritten.
   void takeBuffers(std::vector<cv::Mat>& images);
-  /// Sets `images` to the caller's image (copied if `copy_first`) and the smaller levels in use,
-  /// which are not copied.
+  /// Sets `images` to the caller's image (copied if `copy_first`) and to the smaller levels in use.
+  /// The smaller levels are not copied.
   void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }

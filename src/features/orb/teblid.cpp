@@ -17,7 +17,7 @@ int toPixel(float v) {
   return static_cast<int>(std::min(v, kFar));
 }
 
-// The pixels of a box along one axis that are inside an image of `size` px, but at least one pixel.
+// The part of a box that is inside an image of `size` px, along one axis; at least one pixel.
 cv::Range rangeInImage(int centre, int radius, int size) {
   return {std::clamp(centre - radius, 0, size - 1), std::clamp(centre + radius + 1, 1, size)};
 }

@@ -13,8 +13,8 @@ namespace ktgp_orb::orb {
 /// Largest radius of the table's boxes, in px of the patch; the smallest radius is 1.
 constexpr int kTeblidRadii = 7;
 
-/// Is added before truncation, so that halves are rounded up to the next pixel, as in the authors'
-/// program.
+/// This value is added before truncation, so that halves are rounded up to the next pixel, as in
+/// the authors' program.
 constexpr float kTeblidHalf = 0.5f;
 
 /// TEBLID's bits, ordered by the radius of their boxes, so that consecutive boxes mostly have the
@@ -107,8 +107,7 @@ inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale
                          const std::int32_t* centres, std::int32_t* differences) {
   int i = 0;
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
-    // There is one pointer for each corner, so that a value is read by a single instruction from
-    // pointer plus centre.
+    // With one pointer per corner, a single instruction reads the value at pointer plus centre.
     const std::array<std::ptrdiff_t, 4> at = scale.corners[radius];
     const std::uint32_t* const top_left = integral + at[0];
     const std::uint32_t* const top_right = integral + at[1];

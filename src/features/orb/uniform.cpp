@@ -8,8 +8,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Sorts keypoints by response, the highest first. If responses are equal, the upper and then the
-// left keypoint comes first.
+// Whether `a` comes before `b`: the higher response first; if equal, the upper and then the left
+// keypoint.
 bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   if (a.response != b.response) return a.response > b.response;
   if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
@@ -80,8 +80,8 @@ void UniformChoice::share(int levels) {
       const int size = level.sizeOf(cell);
       level.kept[cell] = static_cast<int>(std::min<std::int64_t>(size, share));
       if (size <= share) continue;
-      // The remainder is given, one corner each, to evenly spaced cells among the richer cells, as
-      // in Bresenham's line algorithm.
+      // The remainder is given to some of the richer cells, one corner each. These cells are evenly
+      // spaced, as in Bresenham's line algorithm.
       if ((richer + 1) * rest / cells > richer * rest / cells) ++level.kept[cell];
       ++richer;
     }

@@ -9,7 +9,7 @@
 namespace ktgp_orb::orb {
 
 /// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints
-/// each. (A CellGrid cannot be used here, because the side of its cells is given in px.)
+/// each. (CellGrid is not used here, because its cells are squares of a given side in px.)
 struct LevelCells {
   /// `level`: size of the level in px, larger than twice kEdgeMargin; `quota`: number of keypoints
   /// wanted from the level.

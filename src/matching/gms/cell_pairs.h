@@ -59,9 +59,9 @@ struct Grid {
 /// The votes for each match. Bit m is set if the cell pair of the match has support with the
 /// neighbourhood rotated by m times 45 degrees. Votes of the shifted grids are combined by "or".
 using Votes = std::vector<std::uint16_t>;
-/// The match is in the best cell pair of its target cell.
+/// This bit is set if the match is in the best cell pair of its target cell.
 constexpr unsigned kInBestPair = 1u << kRing;
-/// Both keypoints of the match are in cells of the grids.
+/// This bit is set if both keypoints of the match are in cells of the grids.
 constexpr unsigned kOnGrid = kInBestPair << 1;
 
 /// Motion statistics of one target grid and one reference grid. The matches are sorted by their

@@ -88,7 +88,7 @@ struct GmsFilter::Impl {
   std::array<std::vector<std::uint32_t>, 4> target_cells;
   std::size_t outside = 0;  ///< number of correspondences outside the target image
 
-  // These refer to the current scale.
+  // The next four members belong to the current scale.
   std::vector<std::uint32_t> reference_cells;  ///< reference cell of each match
   util::Buckets reference_order;
   gms::CellPairs pairs;

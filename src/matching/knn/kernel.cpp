@@ -101,7 +101,6 @@ void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, 
 
 // Below are the functions for the search near predicted positions.
 
-/// Number of bits set in each byte of `v`.
 std::uint32_t byteCounts(std::uint32_t v) {
   v -= (v >> 1) & 0x55555555U;
   v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);

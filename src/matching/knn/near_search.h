@@ -74,7 +74,6 @@ class NearSearch {
   /// `radius`: px, > 0. `pool` must outlive this object.
   NearSearch(const KnnKernel& kernel, double radius, util::ThreadPool& pool);
 
-  /// See KnnMatcher::matchNear.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& prediction,
              bool mutual, std::vector<Correspondence>& correspondences);
 

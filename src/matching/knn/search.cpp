@@ -33,7 +33,7 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
     c.second_distance = distance;
     return;
   }
-  // Candidates with equal keys are in one half group, and the first of their lanes has the
+  // Candidates with equal keys are in the same half group. The first of their lanes has the
   // candidate with the lowest index.
   const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
   keys.best[lane] = keys.second[lane];

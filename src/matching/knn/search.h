@@ -13,7 +13,6 @@ namespace ktgp_orb::knn {
 /// The search of KnnMatcher with a given kernel, so that tests and benchmarks can try each kernel.
 class KnnSearch {
  public:
-  /// `threads`: see KnnOptions.
   KnnSearch(const KnnKernel& kernel, int threads);
 
   /// See KnnMatcher::match or, if `mutual` is set, KnnMatcher::matchMutual.
