@@ -164,13 +164,13 @@ void OrbPipeline::detectWeaker() {
   constexpr int kFew = 4;      // limit: 1 / kFew of the wanted features
   constexpr int kWeakest = 5;  // grey values; corners below this threshold are noise
   const int bands = levels_[pyramid_.used() - 1].last_band;
-  const auto hasFew = [&] {
+  const auto has_few = [&] {
     std::size_t corners = 0;
     for (int i = 0; i < bands; ++i) corners += bands_[i].corners.size();
     return kFew * corners < static_cast<std::size_t>(options_.max_features);
   };
   int threshold = fullThreshold();
-  while (threshold > kWeakest && hasFew()) {
+  while (threshold > kWeakest && has_few()) {
     threshold = std::max(kWeakest, threshold / 2);
     pool_.parallelFor(bands, [&](int i) { detect(bands_[i], threshold); });
   }
