@@ -14,8 +14,8 @@ enum class Level : std::uint8_t {
   kt = 1,    ///< passed KNN + TF, removed by GMS
   ktg = 2,   ///< passed KNN + TF + GMS, removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
-  /// Inlier of the homography that guided matching or growth found near the predicted position.
-  /// These matches are in a separate list and do not count in the four stages.
+  /// Inlier of the homography, found by guided matching or growth near the position that the
+  /// homography predicts. These matches are in a separate list and do not count in the four stages.
   guided = 4,
 };
 

@@ -37,7 +37,7 @@ struct GmsResult {
   std::size_t not_best_pair = 0;
   /// Number of matches whose cell pair has too few matches in the neighbouring cells.
   std::size_t low_support = 0;
-  /// Rotation of the target against the reference, degrees clockwise on the screen: 0, 45 ... 315.
+  /// Rotation of the target relative to the reference, degrees clockwise on screen: 0, 45 ... 315.
   int rotation_degrees = 0;
   /// Number of cells across the reference image, divided by the number of cells across the target
   /// image. For images of equal size, the content of the reference appears larger in the target by
@@ -50,8 +50,8 @@ struct GmsResult {
 /// Each image is divided into cells. The best pair of a target cell consists of this cell and the
 /// reference cell to which the largest number of its matches lead. A best pair is supported if
 /// enough matches lead from the cells around the target cell to the cells around the reference cell
-/// (see GmsOptions::threshold). A correspondence is kept when its two cells are a supported best
-/// pair in the grid, or in one of three copies shifted by half a cell. Among several rotations and
+/// (see GmsOptions::threshold). A correspondence is kept if its two cells are a supported best pair
+/// in the grid, or in one of three copies shifted by half a cell. Among several rotations and
 /// scales, the combination that keeps the most matches wins. If two combinations keep equally many
 /// matches, the earlier one wins; the order is scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each
 /// scale, rotation 0 to 315. The GMS authors' program gives the same result, match for match. Their

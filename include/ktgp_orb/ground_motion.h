@@ -54,7 +54,7 @@ std::string whyUnusable(const TurnReading& reading);
 /// A frame of the camera, as input of GroundMotion.
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
-  std::int64_t reference_stamp = 0;  ///< stamp of the frame from which the homography maps
+  std::int64_t reference_stamp = 0;  ///< stamp of the reference frame of the homography
   /// Homography reference -> this frame, px without lens distortion; empty if none was found.
   std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
@@ -69,7 +69,8 @@ struct GroundMotionOptions {
   /// vehicle's base frame.
   Pose3 camera_to_base = Pose3::Identity();
   /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
-  /// means 1 m in 100 m. So old readings of height and normal count less after each keyframe.
+  /// means 1 m in 100 m. Since the slope may change, old readings of height and normal count less
+  /// after each keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
   /// global shutter. Between -1 and 0: the last row is exposed first, as in pictures that the
@@ -79,10 +80,10 @@ struct GroundMotionOptions {
   /// Standard deviation of a constant relative error of all lengths, >= 0; for example, the error
   /// of a height that was measured only once.
   double scale_deviation = 0.0;
-  /// Standard deviation of the acceleration, m/s², >= 0. It is used for the change from one
-  /// velocity to the next, and for the motion while no frame is connected. `turn_acceleration`:
-  /// standard deviation of the angular acceleration, rad/s², >= 0; it is used while no frame is
-  /// connected.
+  /// Standard deviation of the acceleration, m/s², >= 0. Determines how much the velocity may
+  /// change from one measurement to the next, and how fast the uncertainty grows during a gap, when
+  /// no frame can be connected to the earlier ones. `turn_acceleration`: standard deviation of the
+  /// angular acceleration, rad/s², >= 0; only used during a gap.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
   /// Upper limit of the standard deviation of the normal, rad, > 0. As long as it is exceeded, no
@@ -162,10 +163,10 @@ struct GroundEstimate {
   double gap = 0.0;  ///< for status resumed: time without a connected frame before this frame, s
   /// Misfits, in standard deviations. The misfit of a reading is the difference between the reading
   /// and its prediction by the homography and the earlier readings. The misfit of the homography is
-  /// the difference between the homography and its prediction by flat ground and these readings. A
-  /// reading with a misfit beyond kContradiction gets hardly any weight. The deviation of a normal
-  /// is the given deviation or, if larger, the scatter of the normals (at most ten times the given
-  /// deviation). The misfit is 0 without a reading.
+  /// the difference between the homography and its prediction by flat ground and the earlier
+  /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. The deviation
+  /// of a normal is the given deviation or, if larger, the scatter of the normals (at most ten
+  /// times the given deviation). If there is no reading, its misfit is 0.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
@@ -177,8 +178,8 @@ struct GroundEstimate {
   /// angular velocity has the wrong sign, and 57.3 means that it is in degrees. The value is 0
   /// until the camera has turned enough.
   double turn_ratio = 0.0;
-  /// Estimate of the readout time of a rolling shutter from the pictures, and its standard
-  /// deviation, s. If the time is negative, the last row is exposed first.
+  /// Readout time of a rolling shutter, estimated from the pictures, and its standard deviation, s.
+  /// If the time is negative, the last row is exposed first.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
   /// Errors of the Imu that gives turns or directions. They are only reported; no reading is
@@ -190,7 +191,7 @@ struct GroundEstimate {
   bool hasTwist() const { return hasPose() && has_twist; }
 };
 
-/// Estimates the metric motion of a calibrated camera that looks at flat ground from homographies.
+/// Estimates from homographies the metric motion of a calibrated camera that looks at flat ground.
 ///
 /// A keyframe serves as a map of the ground: it has the homography G from the keyframe's image to
 /// metres on the ground, and the covariance of G. The homography H from the keyframe to a frame

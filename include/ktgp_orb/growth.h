@@ -80,9 +80,9 @@ struct GrowthStart {
 ///    more matches, the map is fitted again, and the region grows; this is repeated ten times. With
 ///    twelve matches or more, the map is a homography.
 /// 4. Verdict: the homography shifted by 20 and 45 px in 24 directions each (decoys) shows how many
-///    matches chance gives with these images, descriptors and region. The a-contrario bound takes
-///    account of the number of seeds and of possible maps (see src/growth/verdict.h). The
-///    homography must also pass the test that PROSAC's homographies must pass (see
+///    matches arise by chance with these images and descriptors in this region. The a-contrario
+///    bound takes account of the number of seeds and of possible maps (see src/growth/verdict.h).
+///    The homography must also pass the test that PROSAC's homographies must pass (see
 ///    ProsacHomography).
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.

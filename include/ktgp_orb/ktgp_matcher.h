@@ -72,7 +72,7 @@ struct StageResult {
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
-/// Where the matches were searched.
+/// Where the matches were searched for.
 enum class Search : std::uint8_t {
   whole = 0,  ///< in the whole image
   near = 1,   ///< within the search radius of the predicted positions

@@ -55,7 +55,7 @@ std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const 
                                        const Features& target,
                                        const std::vector<Correspondence>& matches);
 
-/// Number of correct matches, whose errors are at most `threshold` px.
+/// Number of errors of at most `threshold` px, which is the number of correct matches.
 std::size_t countWithin(const std::vector<double>& errors, double threshold);
 
 /// Precision: share of errors of at most `threshold` px; 0 without errors.

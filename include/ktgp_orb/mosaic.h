@@ -45,7 +45,7 @@ const char* toString(Placement placement);
 enum class LostBecause : std::uint8_t {
   nothing,    ///< the frame is not lost
   unmatched,  ///< no homography and no keyframe connects the frame to the map
-  repeats,    ///< the pattern of the ground repeats, and it is unknown which repetition this is
+  repeats,    ///< the pattern of the ground repeats, and it is unknown which part the frame shows
   zoomed,     ///< the frame's scale in the map is not within 1/4..4 (large turn, tilt or climb)
   moved,      ///< the map is a panorama, but the camera has left its place
 };
@@ -67,10 +67,10 @@ struct Panorama {
 ///
 /// A frame is drawn if the view has moved by at least 3 % of its width. The newest frame is also
 /// drawn when image() is called or the map is finished. If a frame is not connected to the map,
-/// frames are searched for in the map for a second, and for at least three frames, before a new map
-/// begins. The coordinates of the map are the pixels of its first frame, continued on all sides. If
-/// the camera has only turned, by more than 20 degrees, they are the coordinates of a Panorama. An
-/// instance belongs to one thread at a time.
+/// this frame and the next frames are searched for in the map for a second, and for at least three
+/// frames, before a new map begins. The coordinates of the map are the pixels of its first frame,
+/// continued on all sides. If the camera has only turned, by more than 20 degrees, the map has the
+/// coordinates of a Panorama. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.

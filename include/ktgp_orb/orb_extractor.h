@@ -38,8 +38,8 @@ struct OrbOptions {
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
   /// If a frame has fewer corners than a quarter of `max_features`, the threshold is halved until
-  /// there are enough corners, but not below 5 grey values. All other frames keep exactly the same
-  /// keypoints. Not in the paper.
+  /// there are enough corners, but not below 5 grey values. All other frames get exactly the same
+  /// keypoints as without this option. Not in the paper.
   bool fast_adaptive = false;
   /// rBRIEF or TEBLID-256. TEBLID is as long, but tolerates more changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;

@@ -21,7 +21,7 @@ struct PairOptions {
   static PairOptions photo();
 };
 
-/// Two images and the result for them.
+/// Features of two images and the result of matching them.
 struct PairMatch {
   Features reference;
   Features target;

@@ -25,8 +25,9 @@ struct PlanarPose {
   /// Squared Mahalanobis distance between the homography of this pose and the given homography,
   /// with two degrees of freedom.
   double squared_error = 0.0;
-  /// Likelihood of this pose relative to the other pose, 0..1; 1 if there is no other pose. The
-  /// scale of the homography's covariance is treated as a rough guess.
+  /// Likelihood of this pose, divided by the sum of the likelihoods of both poses, 0..1; 1 if there
+  /// is no other pose. The scale of the homography's covariance counts only as a rough guess,
+  /// because the covariance does not include, for example, the effect of a wrong K.
   double share = 1.0;
 };
 

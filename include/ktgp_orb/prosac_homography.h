@@ -70,9 +70,9 @@ struct UncertainHomography {
   /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; it is NaN if H(2,2) is
   /// near zero, which can happen if the origin is far from all points and no reference size is
   /// given. The covariance includes the noise of the points and the part of their errors that
-  /// varies smoothly over the image (the scene is not quite a plane, the lens bends, the shutter
-  /// rolls). It cannot include errors that are themselves a homography, such as the errors of a
-  /// wrong calibration.
+  /// varies smoothly over the image (from a scene that is not quite a plane, lens distortion or a
+  /// rolling shutter). It cannot include errors that are themselves a homography, such as the
+  /// errors of a wrong calibration.
   Covariance8 covariance = Covariance8::Zero();
   /// The part of `covariance` that comes from the smooth errors. The smooth errors of the next
   /// frame's homography are similar, whereas the noise is independent in each frame.

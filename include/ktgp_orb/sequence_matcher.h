@@ -54,7 +54,7 @@ struct SequenceOptions {
   bool views_in_background = false;
 };
 
-/// The simulated views of a fixed reference, see GrowthOptions::views.
+/// State of the simulated views of a fixed reference, see GrowthOptions::views.
 enum class ViewsState : std::uint8_t {
   none,        ///< there are no views: none are wanted, or no frame has needed them yet
   being_made,  ///< the views are still being made; until then, frames are matched without views
@@ -199,7 +199,7 @@ class SequenceMatcher {
   /// Matches the next image, taken at `seconds` since any epoch. `image`: 8-bit grey; it is copied.
   /// `encoding`: the camera's pixel format; a new sequence starts if it changes. The result is
   /// valid until the next call. Throws std::invalid_argument, without any change, for an image of
-  /// another type, and for a time that is not finite or is beyond 292 years before or after zero.
+  /// another type, and for a time that is not finite or is more than 292 years from zero.
   const SequenceMatch& match(const cv::Mat& image, double seconds,
                              const std::string& encoding = {});
   /// Matches features found elsewhere. Throws as requireValid does.

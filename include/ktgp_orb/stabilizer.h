@@ -15,11 +15,11 @@ namespace ktgp_orb {
 struct StabilizerOptions {
   /// Time scale of the smoothing, s, > 0. Faster motion is removed as shake; slower motion is kept.
   double strength = 0.4;
-  /// Number of later frames that are awaited before a frame is returned, 0..60. A larger lag gives
-  /// a steadier picture but more delay.
+  /// Number of later frames to wait for before a frame is returned, 0..60. A larger lag gives a
+  /// steadier picture but more delay.
   int lag = 0;
-  /// Share of width and height, at each border, that may be cut off, 0.01..0.4. A frame shows
-  /// nothing beyond its border, so larger corrections are limited gently.
+  /// Share of the width and height that may be cut off at each border, 0.01..0.4. Larger
+  /// corrections would show areas beyond the frame, so they are limited smoothly.
   double max_crop = 0.1;
 };
 
@@ -76,7 +76,7 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
-  // Positions to which the corners of the newest finished frame were moved, px.
+  // Shifts of the corners of the newest finished frame to the steady picture, px.
   Corners correction_;
   // Correction at the end of the previous path; it fades out in the present path.
   Corners fading_;

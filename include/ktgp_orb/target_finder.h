@@ -30,10 +30,10 @@ struct Target {
 };
 
 struct TargetFinderOptions {
-  /// Options of the features of frames and targets. By default there are more keypoints than usual,
-  /// and they are in every part of the frame, because a target may be small. A frame has more
-  /// pyramid levels than a target (which has five), because the target may appear three times as
-  /// large as in its image.
+  /// Options of the features of frames and targets. By default, a frame gets more keypoints than
+  /// usual, spread over all its parts, because a target may be small. A frame has more pyramid
+  /// levels than a target (which has five), because the target may appear three times as large as
+  /// in its image.
   OrbOptions orb = [] {
     OrbOptions options;
     options.max_features = 3300;
@@ -52,10 +52,11 @@ struct TargetFinderOptions {
   /// Shorter side of the smallest targets to find in the frame, px, 40..1000. Only whether it is
   /// below 80 matters: then the frame is enlarged before the extraction, and about half of the
   /// targets of 45 px are found. The factor is two, or smaller if the frame would become longer
-  /// than 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames of less
-  /// than 480 px are enlarged by up to four; in frames of 160 px, half of the targets of 18 px are
-  /// found. Enlarging multiplies the time. Frames are enlarged if no target is followed, if a small
-  /// target is followed, if a target was lost, and in any case every eighth time.
+  /// than 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames whose
+  /// longer side is below 480 px are enlarged by a factor of up to four; in frames of 160 px, half
+  /// of the targets of 18 px are found. Enlarging multiplies the time. A frame is enlarged if no
+  /// target is followed, if a small target is followed, or if a target was lost. Besides, every
+  /// eighth frame is enlarged.
   double smallest_side = 45.0;
   /// Time for the search for targets that were not seen in the last frame, ms per frame. While
   /// other targets are followed, a tenth of this time is used. If infinite, all candidates are
@@ -70,13 +71,13 @@ struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
   /// Status::ok or model_rejected. A target is rejected if it is `uncertain`, or if another target
-  /// with more or similar support is at the same place, or around the part of this target that was
-  /// found, so that only one of the two can be there.
+  /// with more or similar support is at the same place or encloses the part of this target that was
+  /// found, since only one of the two can be there.
   Status status = Status::ok;
   /// Whether so little of the target was found, or so inaccurately, that a corner has a standard
   /// deviation of more than 5 px. Such a target is not followed and gets no instance number.
   bool uncertain = false;
-  std::size_t image = 0;  ///< the image of the target that was found
+  std::size_t image = 0;  ///< index in Target::images of the image that was found
   cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
@@ -140,10 +141,11 @@ struct TargetFrame {
 ///
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
 /// in the index and how many candidates are tried. Successive frames look up different keypoints.
-/// By turns, the best supported candidate and the candidate that has not been tried for the longest
-/// time are tried. So the available time decides which candidates are tried. Whether a tried target
-/// is found depends on earlier frames only through the enlargement of the frame (smallest_side) and
-/// targets followed by the images alone (DetectedTarget::predicted).
+/// The search alternates between the candidate with the best support and the candidate that has not
+/// been tried for the longest time. So the available time decides which candidates are tried.
+/// Whether a tried target is found depends on earlier frames only through the enlargement of the
+/// frame (smallest_side) and through targets that are followed without keypoints
+/// (DetectedTarget::predicted).
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {
@@ -155,8 +157,8 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
-  /// Sets the options of these names (see TargetFinderOptions) from the next frame on. Throws like
-  /// the constructor; then nothing changes.
+  /// Changes these three options (see TargetFinderOptions) from the next frame on. Throws like the
+  /// constructor; then nothing changes.
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Adds a target. Throws std::invalid_argument with the reason, without any change, for an empty

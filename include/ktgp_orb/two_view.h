@@ -39,7 +39,7 @@ enum class Doubt : std::uint8_t {
   repetitive = 4,      ///< the texture repeats itself, and shifted (wrong) pairings fit as well
   /// A pure turn or a camera at rest explains all pairs outside one compact region.
   moving_region = 5,
-  /// The keypoints turn or scale in the opposite sense to the motion, as in a mirror image.
+  /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
   other_motion = 7,  ///< another motion fits as well, for none of the reasons above
   undetermined = 8,  ///< the inliers do not determine the geometry
@@ -69,8 +69,8 @@ struct TwoViewOptions {
   bool alignment = true;
 };
 
-/// How the target camera moved: x_target ~ R x_reference + t, between points in the two cameras'
-/// frames (x right, y down, z forward). The unit of length is the distance between the cameras.
+/// How the target camera moved: x_target ~ R x_reference + t for a point in the frames of the two
+/// cameras (x right, y down, z forward). The unit of length is the distance between the cameras.
 struct RelativePose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   /// Unit vector, or zero if the camera only turned.
@@ -101,10 +101,11 @@ struct TwoViewInput {
 
 /// A point of the scene in the reference camera's frame.
 struct ScenePoint {
-  std::size_t pair = 0;                                ///< index of the pair that shows the point
+  /// Index of the point pair that this point was triangulated from.
+  std::size_t pair = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position in units of the baseline
-  /// Covariance of the position, which follows from the scale of the errors; the motion is assumed
-  /// to be exact.
+  /// Covariance of the position, computed from the scale of the pairs' errors. The motion is
+  /// assumed to be exact.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -132,9 +133,9 @@ struct TwoView {
   /// and for a plane without K.
   Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
 
-  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the second likeliest
-  /// motion that differs clearly from the first, unless it can be excluded; it has the rest of the
-  /// probability.
+  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the likeliest motion
+  /// that differs clearly from `pose`; empty if it can be excluded. If `other` is set, the two
+  /// probabilities add up to 1.
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
@@ -174,13 +175,13 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// refined on its manifold by maximum likelihood, which assumes Student's t distribution of the
 /// Sampson distances.
 ///
-/// The model with fewer false alarms is chosen. Every pair may agree with a wrong model by chance.
-/// The probability is the share of the image that is covered by a disc around the predicted point
-/// (homography) or by a strip along the epipolar line, whose radius or half width is the error. If
-/// there is a homography, the pairs must also show parallax: their residuals under the homography
-/// must point along the epipolar lines more often than random directions. So a plane with a few
-/// other points gives an epipolar geometry, and a plane without other points is reported as a
-/// plane.
+/// The model with fewer false alarms is chosen. A pair may agree with a wrong model by chance. The
+/// probability of this is the share of the image that lies within the error of the pair: in a disc
+/// around the predicted point for a homography, or in a strip on both sides of the epipolar line.
+/// If there is a homography, the pairs must also show parallax: their residuals under the
+/// homography must point along the epipolar lines more often than random directions. So a plane
+/// with a few other points gives an epipolar geometry, and a plane without other points is reported
+/// as a plane.
 ///
 /// The status is model_rejected if a geometry is significant, but other evidence contradicts it or
 /// the inliers do not determine it; see TwoView::doubt.

@@ -31,8 +31,8 @@ const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
 const std::vector<Operation> kInChunks{Operation::message, Operation::connection};
 
-/// Zeroed memory. The kernel provides a page only when it is written to: wrong sizes cost nothing.
-/// Throws std::bad_alloc.
+/// Zeroed memory. The kernel provides a page only when it is written to, so a size that is too
+/// large costs nothing. Throws std::bad_alloc.
 std::shared_ptr<char> zeroedMemory(std::size_t size) {
   std::shared_ptr<char> memory(static_cast<char*>(std::calloc(std::max<std::size_t>(size, 1), 1)),
                                std::free);
@@ -339,7 +339,8 @@ void BagFile::indexFromMessages(Chunk& chunk) {
   for (const Message& message : contents.messages) {
     times[message.connection].push_back(message.time);
   }
-  // Keep the old times of lost messages, which still count as expected.
+  // If the old index lists more messages of a connection than the chunk contains, keep the old
+  // times, so that the lost messages are still counted as missing.
   for (const auto& of : chunk.times) {
     const bool is_connection = connections_.count(of.first) > 0;
     if (is_connection && of.second.size() > times[of.first].size()) times[of.first] = of.second;

@@ -27,8 +27,8 @@ bool mayBegin(const char* bytes) {
          field + kLength <= header;
 }
 
-/// Removes the number of elements from the beginning of an array and returns it; empty if the
-/// message is too short.
+/// Removes and returns the element count at the beginning of an array; empty if the message is too
+/// short.
 std::optional<std::size_t> takeCount(std::string_view& message) {
   if (message.size() < kLength) return std::nullopt;
   const std::size_t count = numberAt(message.data());
@@ -36,8 +36,9 @@ std::optional<std::size_t> takeCount(std::string_view& message) {
   return count;
 }
 
-/// Removes the parts of a serialised message. A positive part is a number of bytes; a part of -n is
-/// an array or text with elements of n bytes. Returns false if the message is too short.
+/// Removes `parts` from the beginning of a serialised message. A positive part is a number of
+/// bytes; a part of -n is an array or a text with elements of n bytes. Returns false if the message
+/// is too short.
 bool take(const std::vector<int>& parts, std::string_view& message) {
   for (const int part : parts) {
     auto size = static_cast<std::size_t>(std::abs(part));

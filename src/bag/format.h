@@ -40,7 +40,7 @@ constexpr std::size_t kLargestHeader = 1 << 20;
 
 /// Reads four bytes as a little-endian number, like all numbers of the format.
 std::uint32_t numberAt(const char* position);
-/// The number in the four bytes of a field that begin at `offset`; empty if the field is missing or
+/// The number in four bytes of a field, from byte `offset` on; empty if the field is missing or
 /// short.
 std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
                                     std::size_t offset = 0);

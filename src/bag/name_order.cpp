@@ -74,7 +74,8 @@ bool isPoint(const std::string& text, std::size_t i) {
   return i < text.size() && (text[i] == '.' || text[i] == ',');
 }
 
-/// Whether the number is in a row of three or more, as in "2024.01.02". These are counters.
+/// Whether the number belongs to three or more numbers with points between them, as in
+/// "2024.01.02". Such numbers are counters, not decimals.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && isPoint(text, begin - 1) && isDigit(text, begin - 2);
   return before || (isPoint(text, end) && isDigit(text, end + 1));
@@ -132,8 +133,9 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
 /// Whether the digits after the point are counters and not decimals, judged from the numbers at
 /// position `place` of all names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
-  // A tenth of all decimals have a zero right after the point, and a tenth of all counters end with
-  // a zero, so we count both. Among many names, one final zero may be an exception.
+  // Counters have no leading zeros, but a tenth of all decimals have a zero right after the point.
+  // Decimals of different lengths have no trailing zeros, but a tenth of all counters end with a
+  // zero. So the more frequent zeros decide. Among many names, one final zero may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;
@@ -179,7 +181,7 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  constexpr std::size_t kRare = 20;  // at most one name in this many may be odd
+  constexpr std::size_t kRare = 20;  // an odd series has one file or at most 1 / kRare of all files
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
   std::size_t most = 0;
@@ -194,7 +196,7 @@ std::vector<std::string> oddNames(const std::vector<std::string>& files) {
 }
 
 std::vector<std::string> alternatingNames(const std::vector<std::string>& files) {
-  constexpr std::size_t kRepeated = 3;  // number of names; smaller series are ignored
+  constexpr std::size_t kRepeated = 3;  // series with fewer names are ignored
   std::map<std::vector<std::string>, std::size_t> sizes;
   const std::vector<Name> names = namesOf(files);
   for (const Name& name : names) ++sizes[name.texts];

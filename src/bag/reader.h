@@ -141,16 +141,16 @@ struct BagSelection {
 /// image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
-/// Namespace of the camera that publishes the image topic. The topic may also be a topic of
-/// compressed images.
+/// Namespace of the camera that publishes the image topic. Topics of compressed images are allowed,
+/// too.
 std::string cameraOf(const std::string& image_topic);
 
-/// The first camera_info of a calibrated camera on the topic beside the image topic. If that camera
-/// is not calibrated, the first camera_info. Throws UnusableBag if there is no camera_info. `user`:
-/// name of the option or function that needs the camera_info.
+/// Reads the topic camera_info beside the image topic. Returns its first message with a
+/// calibration; if there is none, its first message. Throws UnusableBag if there is no camera_info.
+/// `user`: name of the option or function that needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
-/// Reports that the last camera_info of the bag differs from `used`; empty if it does not. Other
+/// Text for users if the last camera_info of the bag differs from `used`; otherwise empty. Earlier
 /// messages are not compared, since reading them would take as long as reading the whole bag.
 std::string changeOfCameraInfo(const std::string& path, const std::string& image_topic,
                                const sensor_msgs::CameraInfo& used);

@@ -143,11 +143,11 @@ class Video : public ImageSource {
     return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
   }
 
-  /// Whether `images` is clearly below the number of images that the file declares. A declared
-  /// number that is only an estimate is slightly wrong, or far too high if the first image is late.
+  /// Whether `images` is clearly below the number of images that the file declares. If the declared
+  /// number is only an estimate, it is slightly wrong, or far too high if the first image is late.
   bool isTooFew(std::size_t images) const {
-    constexpr std::size_t kTolerance = 50;  // one missing image in this many is tolerated
-    constexpr std::size_t kMost = 100;  // a declared number this many times too high is an estimate
+    constexpr std::size_t kTolerance = 50;  // 1 / kTolerance of the images may be missing
+    constexpr std::size_t kMost = 100;  // a number more than kMost times too high is an estimate
     return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
   }
 
@@ -190,7 +190,7 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  // Last times between images, s. Begins with a default for containers without a rate.
+  // Times between the last few images, s. The first value is for containers without a rate.
   std::deque<double> steps_{1.0 / 30.0};
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;

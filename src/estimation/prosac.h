@@ -30,8 +30,8 @@ class QualityOrder {
   std::vector<std::uint64_t> sorted_;
 };
 
-/// A sample: as many different pairs as determine a model. The entries are the places of the pairs
-/// in the order of quality.
+/// A minimal sample: different pairs, just enough to determine a model. The entries are the places
+/// of the pairs in the order of quality.
 using ProsacSample = std::vector<std::size_t>;
 
 /// Fills the entries of `sample` from index `first` on with random numbers below `end` that the
@@ -88,8 +88,7 @@ class ProsacSampler {
 
 /// Decides when PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). Two rules apply to the
 /// number of inliers I_n among the best n pairs, for every n:
-/// - non-randomness (Eq. 8, 9): the probability that a wrong model has I_n inliers must be less
-/// than
+/// - non-randomness (Eq. 8, 9): the probability that a wrong model has I_n inliers must be below
 ///   psi = 5 %, if each pair beyond the sample agrees with it by chance with probability beta;
 /// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, a better model in the
 ///   best n pairs was missed with probability eta0. P_n: probability of an all-inlier sample.
@@ -133,11 +132,11 @@ struct ProsacRules {
 /// with local optimisation (Chum, Matas & Kittler, DAGM 2003). The search knows no geometry; the
 /// problem supplies it:
 ///
-///   using Model = …;                        a value
-///   std::size_t sampleSize() const;         number of pairs that determine models
+///   using Model = …;                        the type of a model, copyable
+///   std::size_t sampleSize() const;         number of pairs in a sample
 ///   std::size_t size() const;               number of pairs, sorted by quality, best first
 ///   void solve(sample, visit);              calls visit(model) for each model of a sample
-///   float cost(model, give_up) const;       MSAC; a partial sum if it exceeds give_up
+///   float cost(model, give_up) const;       MSAC cost, or a partial sum above give_up
 ///   bool refine(widening, model);           fits to the pairs within `widening` thresholds
 ///   std::size_t findInliers(model, inlier) const;
 ///

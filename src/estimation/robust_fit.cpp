@@ -28,7 +28,7 @@ void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacob
 }
 
 Information inverseOf(const util::SmallRef& squares) {
-  // As a share of the largest pivot; smaller pivots are rounding errors.
+  // A pivot below this share of the largest pivot is a rounding error.
   constexpr double kSingular = 1e-14;
   const Eigen::Index p = squares.rows();
   const Eigen::LDLT<Information> ldlt(squares);

@@ -13,8 +13,8 @@ namespace ktgp_orb::estimation {
 
 /// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
-/// A symmetric matrix and a vector over the parameters, both without heap memory. Their algebra is
-/// compiled only once, in the functions below.
+/// A symmetric matrix and a vector with a row for each parameter, both without heap memory. The
+/// functions below compute with them, so that this code is compiled only once.
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                   kMostParameters, kMostParameters>;
 using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
@@ -36,7 +36,7 @@ struct NormalEquations {
 struct FitRules {
   int most_steps = 30;
   double converged = 1e-5;  ///< the fit ends when no entry of a step is larger than this
-  /// Largest allowed entry of a step. The damping of a longer step is increased.
+  /// Largest allowed entry of a step. A longer step is computed again with more damping.
   double longest = std::numeric_limits<double>::infinity();
   double least_scale = 0.0;  ///< lower limit of the scale of the errors
   double first_damping = 0.0;

@@ -46,9 +46,8 @@ class ClusteredMeat {
   void reset(Eigen::Index parameters, std::size_t most);
   /// `pull`: J' w e of one measurement.
   void add(std::size_t cluster, const util::SmallRef& pull) { pulls_[cluster] += pull; }
-  /// Returns `independent`, enlarged by a factor of at least 1. The factor follows from the
-  /// clusters. A few clusters are enough to show how strongly errors are correlated, but not enough
-  /// for the whole matrix.
+  /// Returns `independent` times the mean ratio of meat() to `independent`, but at least times 1. A
+  /// few clusters are enough to estimate this factor, but not the whole matrix meat().
   Information inflated(const Information& independent) const;
   /// The meat estimated from the clusters alone, with the small-sample factor for the number of
   /// clusters. This number must be much larger than the number of parameters.

@@ -35,8 +35,8 @@ class RobustWeights {
 
   std::size_t size() const { return size_; }
   double dimensions() const { return dimensions_; }
-  /// Effective number of measurements. With this number of measurements of equal factors, the
-  /// variance would be the same as with the present factors.
+  /// Effective number of measurements: the number of measurements with equal factors that would
+  /// give the same variance.
   double equalMeasurements() const { return equal_; }
   /// Degrees of freedom that the fit leaves: d equalMeasurements() - parameters, at least 1.
   double freedom() const { return std::max(dimensions_ * equal_ - parameters_, 1.0); }

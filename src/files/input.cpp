@@ -28,7 +28,7 @@ std::string firstBytes(const std::string& file, std::size_t most) {
   return bytes;
 }
 
-/// The bytes of a file that may be a damaged picture; empty for kinds that are not checked.
+/// All bytes of a JPEG or PNG, so that they can be checked for damage; empty for other files.
 std::string checkedBytes(const std::string& file) {
   if (!isCutOff(firstBytes(file, 8))) return {};  // neither a JPEG nor a PNG
   std::ifstream in(file, std::ios::binary);
@@ -74,7 +74,7 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
-/// Grey values under transparent pixels are not part of the picture.
+/// Replaces the values stored under transparent pixels, which are not part of the picture.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
   cv::Mat opacity;

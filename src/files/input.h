@@ -17,8 +17,8 @@ class FileError : public std::runtime_error {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// The kind of a file that the libraries here cannot read, judged by its first bytes, and the
-/// remedy: "is a HEIC picture; convert it ...". Empty if the kind is unknown.
+/// Looks at the first bytes of a file that the libraries here cannot read. Returns the kind of the
+/// file and the remedy: "is a HEIC picture; convert it ...". Empty if the kind is unknown.
 std::string unreadableFormat(const std::string& file);
 
 /// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. Every picture that

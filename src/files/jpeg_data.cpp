@@ -42,7 +42,7 @@ class Bits {
     }
     return true;
   }
-  /// Skips to the next byte, and skips a restart marker there; false if there is none.
+  /// Skips to the next byte and the restart marker there. Returns false if there is no marker.
   bool restart() {
     left_ = 0;
     const std::size_t marker = byteAt(bytes_, place_ + 1);
@@ -204,7 +204,7 @@ std::size_t unitsOf(const Jpeg& jpeg) {
   return parts(jpeg.width, kBlock * columns) * parts(jpeg.height, kBlock * rows);
 }
 
-/// Whether a corner, of any orientation, has the grey that decoders use for missing data.
+/// Whether any corner has the grey that decoders use for missing data. The picture may be rotated.
 bool hasGreyCorner(const cv::Mat& picture) {
   constexpr std::uint8_t kFilled = 128;
   if (picture.empty() || picture.depth() != CV_8U) return false;

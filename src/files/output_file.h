@@ -20,7 +20,7 @@ class OutputPlan {
   /// Values that are not files do no harm.
   OutputPlan(bool force, Given given) : force_(force), given_(std::move(given)) {}
 
-  /// Registers an input that the command line gives only by a list or a pattern.
+  /// Registers an input that no option names, because a list or a pattern gives it.
   void read(const std::string& input);
   /// Checks and registers an output; "-" is the standard output, and an empty path is ignored.
   /// Throws FileError.
@@ -73,8 +73,9 @@ class OutputFile {
 };
 
 /// The output files of a run, which get their final names together at its end. If the program is
-/// killed in between, a file has its temporary name as well: isInterrupted() detects that, and the
-/// next run replaces the file.
+/// killed while it names the files, a file that already has its final name still has its temporary
+/// name, too. isInterrupted() detects this leftover name, and the next run may replace the file
+/// without --force.
 class Outputs {
  public:
   explicit Outputs(bool force) : force_(force) {}
@@ -83,12 +84,12 @@ class Outputs {
   OutputFile& add(const std::string& path);
   /// Marks the file as complete. commit() names the files in the order of their completion.
   void complete(OutputFile& file) { complete_.push_back(&file); }
-  /// Both functions write a file and add it as complete, or throw FileError. Text may go to the
-  /// standard output.
+  /// The next two functions write a file and mark it as complete, or throw FileError. writeText()
+  /// can also write to the standard output.
   void writeText(const std::string& path, const std::string& text);
   void writeImage(const std::string& path, const cv::Mat& image);
   /// Gives all complete files their final names, or none of them. The temporary name of the last
-  /// file disappears only when the run is done. Throws FileError.
+  /// file is removed only when all files have their final names. Throws FileError.
   void commit();
 
  private:
@@ -97,7 +98,7 @@ class Outputs {
   std::vector<OutputFile*> complete_;
 };
 
-/// Whether the file is from a run that was killed while its files got their final names.
+/// Whether the file is from a run that was killed while it gave its files their final names.
 bool isInterrupted(const std::string& path);
 
 /// Whether the output is "-", which means the standard output.
@@ -108,7 +109,7 @@ bool isStandardOutput(const std::string& output);
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
 /// The following functions throw FileError, for example if the disk is full; an existing file is
-/// then unchanged. A text may go to the standard output.
+/// then unchanged. writeText() can also write to the standard output.
 void writeText(const std::string& file, const std::string& text, bool force);
 /// Writes the bytes to the temporary file without committing it.
 void write(const OutputFile& file, const std::string& bytes);

@@ -29,8 +29,8 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
 
 /// Returns the position after the marker of the first segment that `wanted` accepts; 0 if there is
 /// no such segment. A JPEG consists of segments (a marker, a length that counts itself, data) with
-/// compressed pixels between them, in which 0 or a restart number follows FF. A preview is inside a
-/// segment.
+/// compressed pixels between them. In the pixels, an FF is followed by 0 or a restart number. A
+/// preview is inside a segment, so its markers are skipped.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;
@@ -120,7 +120,7 @@ bool isCutOff(std::string_view bytes) {
 }
 
 bool mayBeTransparent(std::string_view bytes) {
-  constexpr std::size_t kKind = 25;  // byte of a PNG with the kind of its pixels
+  constexpr std::size_t kKind = 25;  // position of the byte with a PNG's colour type
   constexpr std::size_t kOpacity = 4;
   if (beginsWith(bytes, kJpeg)) return false;
   return !beginsWith(bytes, kPng) || (numberAt(kKind, 1, bytes) & kOpacity) != 0 ||

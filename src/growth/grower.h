@@ -69,7 +69,7 @@ class Grower {
   bool search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach, float radius,
               ReferenceFrames& reference, LocalMatcher& matcher);
 
-  /// The predictions of the last search and their matches.
+  /// The predictions of the last search, and the matches found near them.
   const std::vector<Prediction>& predictions() const { return predictions_; }
   const std::vector<LocalMatch>& matches() const { return matches_; }
   const PointPairs& pairs() const {

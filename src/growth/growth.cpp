@@ -249,9 +249,9 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Grows the best hypothesis again, shifted by each repetition of the scene, at most three times,
-/// with the new best hypothesis each time. Ends early if the repetitions of the best hypothesis
-/// were already tried.
+/// For each repetition of the scene, shifts the best hypothesis by it and grows the result. Then
+/// does the same with the new best hypothesis, at most three times in all. Ends early if the
+/// repetitions of the best hypothesis were already tried.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -270,9 +270,9 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
-/// Grows the best hypothesis again, shifted by each of the shifts for which nearest neighbours in
-/// the whole image vote. This is needed because a wrong shift has as many matches as the right
-/// shift, or more if its overlap is larger.
+/// Shifts the best hypothesis by each shift that nearest neighbours in the whole image vote for
+/// (see ShiftVotes), and grows it again. This is needed because a wrong shift has as many matches
+/// as the right shift, or more if its overlap is larger.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
@@ -302,9 +302,10 @@ bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
 }
 
 /// Chooses the best hypothesis, unless chance explains it or a contradicting hypothesis is nearly
-/// as good. The start is preferred, because it was also found in another way: it is chosen if the
-/// best hypothesis has no more matches than the start, if fewer than 10^-4 homographies as good as
-/// the start are expected by chance, and if nearest neighbours do not vote for another shift.
+/// as good. The start, the homography that the caller gave, is preferred, because it was also found
+/// in another way. It is chosen if the best hypothesis has no more matches than the start, if fewer
+/// than 10^-4 homographies as good as the start are expected by chance, and if nearest neighbours
+/// do not vote for another shift.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();
@@ -344,7 +345,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  // Keypoints with higher numbers belong to simulated views.
+  // Keypoints with the numbers from own_size on belong to simulated views.
   const auto own = static_cast<std::int32_t>(own_size);
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;

@@ -84,7 +84,7 @@ class LocalMatcher {
   std::size_t pitch_ = 0;  // distance from one column to the next, in floats
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;  // index in frames_ of each target keypoint
-  // Key of the most similar prediction, for each entry of frames_.
+  // For each entry of frames_, the key of the prediction with the most similar descriptor.
   std::vector<std::int64_t> best_reference_;
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;

@@ -18,9 +18,9 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map);
 
-/// The affine map that takes `from` to `to` and fits best to all pairs and to the linear map
-/// `prior`. The prior has the weight of one pair at a distance of `reach` px in each direction, so
-/// two or three pairs are enough, even if they lie on a line.
+/// Fits an affine map to all pairs by least squares. It maps `from` exactly to `to`. The linear map
+/// `prior` counts like one pair at a distance of `reach` px in each direction, so two or three
+/// pairs are enough, even if they lie on a line.
 Eigen::Matrix3d fitAffineNear(const Places& reference, const Places& target,
                               const Eigen::Vector2d& from, const Eigen::Vector2d& to,
                               const Eigen::Matrix2d& prior, double reach);

@@ -30,8 +30,7 @@ cv::Point2f shiftOf(int direction, double length) {
           static_cast<float>(length * std::sin(angle))};
 }
 
-/// Number of cells with matches, less the four cells that any homography has, since it can be
-/// fitted to any four pairs.
+/// Number of cells with matches minus four, because a homography can be fitted to any four pairs.
 double evidence(const Grown& grown) {
   return static_cast<double>(grown.judgement.matched) - 4.0;
 }
@@ -74,8 +73,8 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
     reference_cells_.assign(slots, kEmpty);
     target_cells_.assign(slots, kEmpty);
     double sum = 0.0;
-    // Largest Hamming distance counted so far. Similar matches come first, so a cell counts its
-    // best match.
+    // Largest Hamming distance counted so far. Matches with smaller distances are counted first, so
+    // the best match of a cell counts.
     int above = -1;
     for (const int limit : kDistances) {
       for (const LocalMatch& m : matches) {
@@ -200,7 +199,7 @@ void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::include(const Decoy& decoy) {
-  // With fewer opportunities, a single match would count too much.
+  // Minimum number of opportunities in the ratio; with fewer, a single match would count too much.
   constexpr double kFewChances = 5.0;
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
@@ -244,8 +243,8 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
   constexpr double kDeviations = 2.0;  // limit of the difference, in standard deviations
-  constexpr double kElsewhere = 10.0;  // px: a reprojection error above this contradicts
-  // The rival contradicts only if more than 1 / kShare of its matches do.
+  constexpr double kElsewhere = 10.0;  // px; a match with a larger reprojection error contradicts
+  // The rival contradicts only if more than 1 / kShare of its matches contradict `grown`.
   constexpr std::size_t kShare = 4;
   constexpr double kSide = 32.0;  // side of a cell, px
   const double difference = evidence(grown) - evidence(rival);

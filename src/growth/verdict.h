@@ -24,7 +24,8 @@ double logChance(double count, double mean, double spread);
 struct Judgement {
   /// Number of cells with matches within the largest limits of distance and error.
   std::size_t matched = 0;
-  /// Number of cells with matches within the most significant limits of distance and error.
+  /// Number of cells with matches at the most significant level: the limits of distance and error
+  /// with the fewest expected false alarms.
   std::size_t support = 0;
   double by_chance = 0.0;  ///< part of the support that is expected by chance
   double log_false_alarms =

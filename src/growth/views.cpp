@@ -14,12 +14,12 @@
 namespace ktgp_orb {
 namespace {
 
-/// Pairs of the ratio by which a tilt compresses the image, and the number of directions within
-/// half a turn.
+/// The simulated tilts: the factor by which a tilt compresses the image, and the number of its
+/// directions within half a turn.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// The affine map that applies `linear` to the image and moves the result to the centre of its
-/// bounding box; and the size of this box, px.
+/// `map`: the affine map that applies `linear` to the image and moves the result to the centre of
+/// its bounding box. `size`: size of this box, px.
 struct Placed {
   Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
     const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);

@@ -12,10 +12,11 @@ namespace ktgp_orb::growth {
 
 /// Counts for each match how many other matches agree with it. The two keypoints of a match give a
 /// local rotation and scale, and so a similarity transform. A match gets a vote from each near
-/// match that has similar rotation and scale and lies where this transform predicts. (In Lowe, IJCV
-/// 2004, each match votes for a pose of the whole object; here the transform must hold only nearby,
-/// so perspective does no harm.) Votes count once per 8x8 px of either image, so a corner found in
-/// several octaves, or a cluster of corners, counts once. Keeps its buffers.
+/// match that has a similar rotation and scale and whose target keypoint is where this transform
+/// predicts it. (In Lowe, IJCV 2004, each match votes for a pose of the whole object; here the
+/// transform must hold only nearby, so perspective does no harm.) Votes count once per 8x8 px of
+/// either image, so a corner found in several octaves, or a cluster of corners, counts once. Keeps
+/// its buffers.
 class Votes {
  public:
   /// Two keypoints that may show the same point, and the similarity transform that they give.
@@ -47,7 +48,7 @@ class Votes {
 
   util::CellGrid cells_;
   std::vector<Similarity> pairs_;
-  // For each cell, 1 + the last pair for which the cell voted.
+  // For each cell, 1 + the index of the last pair that the cell voted for.
   std::vector<std::uint32_t> from_voted_;
   std::vector<std::uint32_t> to_voted_;
   std::vector<std::int32_t> votes_;

@@ -13,9 +13,9 @@ namespace ktgp_orb::homography {
 /// which side is visible, since the origin may be beyond the horizon.
 Eigen::Matrix3d facing(const Eigen::Matrix3d& homography);
 
-/// A point counts as on the horizon if its mapped third coordinate is below this share of the
-/// largest third coordinate at the corners. At this limit, a pixel of the reference is stretched
-/// 10^6 times.
+/// A point counts as lying on the horizon if the third coordinate of the mapped point is below this
+/// share of the largest third coordinate of the mapped corners. At this limit, a pixel of the
+/// reference is stretched 10^6 times.
 inline constexpr double kAtHorizon = 1e-3;
 
 /// Corners of a part of an image. No heap memory is used.

@@ -185,7 +185,8 @@ void ReprojectionFit::Problem::linearise(const Eigen::Matrix3d& homography, Robu
   sums.squares = jtj;
   sums.gradient = jtr;
   sums.weight = sum(all);
-  // An error e has the weight t. The mean of d(t e)/de over its two directions is t² f / (f + 2).
+  // An error e has the weight t. The derivative d(t e)/de, averaged over the directions along and
+  // across e, is t² f / (f + 2), where f is kStudentFreedom.
   constexpr double kShare = estimation::kStudentFreedom / (estimation::kStudentFreedom + 2.0);
   sums.derivative = sum(derivatives) * kShare;
   sums.square = sum(squares);

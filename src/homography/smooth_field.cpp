@@ -11,8 +11,8 @@ namespace {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// The product J1' J2 of two Jacobians, computed from the product of their slopes. A Jacobian has
-/// the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
+/// The product J1' J2 of two Jacobians, computed from the product of their entries (see Slope). A
+/// Jacobian has the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
 Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();

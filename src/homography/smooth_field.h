@@ -34,9 +34,9 @@ struct FieldFit {
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// Covariance of H from rounding errors of variance 1 (see SmoothField).
   Eigen::Matrix<double, 8, 8> of_rounding = Eigen::Matrix<double, 8, 8>::Zero();
-  /// Covariance of H from an error that all pairs share, with 2 % of the variance of the noise.
-  /// Interpolation gives sub-pixel registration the same error for patches at the same position
-  /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
+  /// Covariance of H from an error that all pairs share, with 2 % of the variance of the noise. In
+  /// sub-pixel registration, interpolation causes an error that is the same for all patches at the
+  /// same position between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// Factor, >= 1, by which the variance of the mean error exceeds its value for independent
   /// errors. It is needed for pairs found by patches of side FieldScales::nearby: if patches
@@ -47,9 +47,9 @@ struct FieldFit {
 /// Separates a smooth field from noise in the reprojection errors of an estimated homography.
 ///
 /// In real scenes neighbouring points have similar errors: the scene is not quite a plane, the lens
-/// bends, the shutter rolls. Such errors do not average out if more pairs are used, and a
-/// covariance that assumes independent errors is several times too small. The model is the
-/// covariance
+/// has distortion, or the camera has a rolling shutter. Such errors do not average out if more
+/// pairs are used, and a covariance that assumes independent errors is several times too small. The
+/// model is the covariance
 ///
 ///   K = tau² exp(-d/l) + sigma² (d = 0),   d = |dx| + |dy| in the reference image,
 ///
@@ -70,7 +70,7 @@ struct FieldFit {
 class SmoothField {
  public:
   /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
-  /// likelihood over J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
+  /// likelihood divided by J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 
@@ -103,7 +103,7 @@ class SmoothField {
     // Standard deviation of `measured` for noise with sigma² = 1 and no field.
     double deviation = 0.0;
   };
-  /// Sums over the pairs of w J'J, w² J'J and w³ J'J, and of w² and w² r².
+  /// Sums over all pairs: w J'J, w² J'J and w³ J'J, w J, w² and w² r².
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
     Matrix8 second = Matrix8::Zero();
@@ -111,14 +111,14 @@ class SmoothField {
     Slope slope = Slope::Zero();  // sum of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Sums over couples of pairs that share noise: of the overlapping share of their patches, of w
-    // w', and of w w' r·r'.
+    // Sums over all couples of pairs that share noise: the overlapping share of their patches, w
+    // w', and w w' r·r'.
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over all cells of the products named at each field. V: sum of the slopes of a cell and of
-  /// the cells that touch it.
+  /// Sums over all cells. The comment of each field gives the product that is summed. V: sum of the
+  /// slopes of a cell and of the cells that touch it.
   struct CellSums {
     Matrix8 spread = Matrix8::Zero();      // sum of slope' smoothed: J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2' smoothed

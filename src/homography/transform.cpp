@@ -202,8 +202,8 @@ Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d&
 
 /// An upper bound for the covariance of the sum of two errors with covariances A and B and any
 /// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. We choose s so that the bound is exact if
-/// the two errors are proportional. In this choice, each entry is measured in units of its standard
-/// deviation.
+/// the two errors are proportional. To choose s, the two variances of each entry of H are divided
+/// by their sum.
 Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
   double of_a = 0.0;
   double of_b = 0.0;

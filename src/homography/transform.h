@@ -46,9 +46,9 @@ bool scaleLastToOne(Eigen::Matrix3d& homography);
 /// points.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
-/// True if H can show the plane over the whole image from one side: it mirrors nothing (det H > 0
-/// with a positive third coordinate), and its horizon, the line that is mapped to infinity, does
-/// not come near the corners, and so does not cross the image.
+/// True if H shows the plane from one side over the whole image: H mirrors nothing (det H > 0 with
+/// a positive third coordinate), and its horizon, the line that is mapped to infinity, does not
+/// come near any corner and therefore does not cross the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
 
 /// Maps an image to the resized image, px; the centre of the first pixel is (0, 0) in both.
@@ -72,14 +72,14 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
                                 const FourPoints& corners);
 
-/// The homography that applies `first` and then `second`, with its covariance to first order.
-/// Covariances of noise add. Of shared errors, the deviations add, because the same error occurs
-/// twice: this gives twice the deviation and four times the variance.
+/// The homography that applies `first` and then `second`, with its covariance to first order. The
+/// noise of the two is independent, so its covariances add. A shared error occurs in both, so its
+/// deviations add: two equal shared errors give twice the deviation and four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
-/// Calls `visit` for each scalar field of an answer (UncertainHomography). The arguments are the
-/// name of the field, and this field of each of the `holders`, which are answers or messages (there
-/// may be none).
+/// Calls visit(name, values...) for each scalar field of an answer (UncertainHomography). `name`:
+/// name of the field; `values`: this field in each holder. `holders`: answers or messages; there
+/// may be none.
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit("plane_deviation", holders.plane_deviation...);

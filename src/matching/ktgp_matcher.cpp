@@ -319,7 +319,7 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
 /// misled PROSAC. It is also doubtful if the matches show a repetition.
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
-  // A homography with less than one inlier in this many matches is doubtful.
+  // A homography with few inliers is doubtful if they are less than 1 / kOneIn of the matches.
   constexpr std::size_t kOneIn = 8;
   const MatchResult& result = context.result;
   const std::size_t inliers = result.prosac.inliers;

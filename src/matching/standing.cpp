@@ -16,9 +16,9 @@ using util::position;
 constexpr double kStands = 0.7;  // px
 constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
 
-/// Side of a pyramid pixel, px, on the coarser of the levels of the two keypoints of a match. If
-/// the scene moves by less than this, its keypoints stand still or move by one whole pixel of the
-/// level, all in one direction.
+/// Side of a pixel, px, on the coarser of the pyramid levels of a match's two keypoints. If the
+/// scene moves by less than this side, its keypoints stand still or move by one whole pixel of the
+/// level, all in the same direction.
 double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
   constexpr float kFinest = 31.F;  // size of a keypoint on the finest level, px
   const auto size = [](const Features& features, std::int32_t index) {

@@ -12,7 +12,7 @@ namespace {
 constexpr double kAlike = 0.6;  // least correlation; tilted checkerboards reach 0.65 to 0.95
 
 bool isPlain(const cv::Mat& picture) {
-  // Grey levels; in a part with less contrast, OpenCV finds a match everywhere.
+  // Minimum standard deviation, grey levels; with less contrast, OpenCV finds a match everywhere.
   constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
@@ -64,10 +64,10 @@ cv::Mat withoutShades(const cv::Mat& picture) {
   return rest;
 }
 
-/// Shifts, px, of up to kLongestPeriod of the sides by which the picture looks like itself. Each of
-/// the two upper corners of the picture, two fifths of the sides long, is compared with the whole
-/// picture. Two corners are enough for all directions, since a period also exists in the opposite
-/// direction.
+/// Shifts, px, by which the picture looks like itself, up to the share kLongestPeriod of its sides.
+/// Each of the two upper corners of the picture is compared with the whole picture; the sides of a
+/// corner are two fifths of the sides of the picture. Two corners are enough for all directions,
+/// since a period also exists in the opposite direction.
 std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
   constexpr double kPart = 1.0 - kLongestPeriod;
   const cv::Mat detail = withoutShades(picture);
@@ -99,7 +99,7 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
 double shortestPeriod(const cv::Mat& picture) {
   // Longer side of the reduced copy, px; a period of 2 % of this side is nearly four px long.
   constexpr double kCopySide = 192.0;
-  // Share of the longer side; a shorter shift does not count as a period.
+  // Shortest shift that counts as a period, as a share of the longer side.
   constexpr double kLeast = 0.02;
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };

@@ -15,8 +15,8 @@ std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other,
 /// too small.
 constexpr double kLongestPeriod = 0.6;
 
-/// Whether a CV_8UC1 picture looks like itself moved by `shift`, px. Returns true, too, if the
-/// shift is too long to tell.
+/// Whether a CV_8UC1 picture looks like itself moved by `shift`, px. Also returns true if the shift
+/// is too long to decide.
 bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift);
 
 /// The shortest shift, px, by which a CV_8UC1 picture looks like itself. Shifts from 2 % of its

@@ -33,9 +33,9 @@ constexpr double kKeyframeOverlap = 0.6;
 // A frame is drawn if the view has moved by at least this share of the frame's width. A smaller
 // motion would hardly be visible.
 constexpr double kLeastMotion = 0.03;
-// Lost frames are searched for in the map for this time, s, and for at least this many frames,
-// before a new map begins. The number matters for photographs, which come seldom: one or two of
-// them may be blurred.
+// A new map begins if frames have been lost for kLostSeconds (s) and more than kLostFrames frames
+// have been lost. Until then, each new frame is searched for in the old map. The number matters for
+// photographs, which arrive seldom: one or two of them may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
 // Longest time of a prediction, ns; an acceleration of 3 m/s² moves a camera by 15 mm in this time.
@@ -91,7 +91,7 @@ struct Mosaic::Impl {
   std::optional<Eigen::Matrix3d> camera;    // K, if it is given
   Turn turn;                                // last result of testTurn() for this map
   std::vector<Eigen::Matrix3d> turn_poses;  // poses of drawn frames all over the map
-  double next_test = kFirstTest;            // distance of the next testTurn(), frame widths
+  double next_test = kFirstTest;            // distance at which testTurn() runs next, frame widths
   double closed_off = 0.0;                  // largest gap at the end of a full turn, px
   cv::Size size;
   cv::Mat grey;
@@ -177,8 +177,8 @@ struct Mosaic::Impl {
     return false;
   }
 
-  /// The homography map -> frame that follows from the last placed frame by the chain of
-  /// homographies.
+  /// The homography map -> frame, computed from the position of the last placed frame and the chain
+  /// of homographies since then.
   std::optional<Eigen::Matrix3d> chained(std::int64_t stamp) const {
     if (!last) return std::nullopt;
     const auto step = path.between(last_stamp, stamp);
@@ -318,7 +318,7 @@ struct Mosaic::Impl {
     });
   }
 
-  /// Whether the map shows a full turn, in whole px.
+  /// Whether the map shows a full turn. Its width is in whole px, so less than 1 px may be missing.
   bool isClosed() const {
     return !surface().isPlane() && tiles.area().width + 1 > surface().period();
   }

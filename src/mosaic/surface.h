@@ -53,8 +53,8 @@ class Surface {
   Eigen::Matrix3d fitted(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
   /// Deviation of the homography from a pure turn, px (rms); 0 for the plane.
   double off(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
-  /// The pixel of the frame that shows the place of the map. Infinite if the place is behind a
-  /// camera that has turned.
+  /// The pixel of the frame that shows the place of the map. Infinite if the surface is a cylinder
+  /// and the place is behind the camera.
   Eigen::Vector2d inFrame(const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) const;
 
   /// Whether the frame can be drawn with a scale of 1/4 to 4.
@@ -64,7 +64,7 @@ class Surface {
 
  private:
   Eigen::Matrix3d camera_ = Eigen::Matrix3d::Identity();
-  // px -> coordinates to the right, along the axis, and ahead
+  // Maps homogeneous px to the axes of the cylinder: to the right, along its axis, and ahead.
   Eigen::Matrix3d to_axis_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d from_axis_ = Eigen::Matrix3d::Identity();
   double period_ = 0.0;

@@ -15,8 +15,8 @@ namespace {
 // appears soon and noise averages out.
 constexpr int kMaxWeight = 3 * 255;
 
-// The gain is computed from pixels at this distance. Very dark or bright pixels are left out, since
-// they may be clipped.
+// The gain is computed from pixels of a grid with this spacing. Very dark or bright pixels are left
+// out, since they may be clipped.
 constexpr int kGainStep = 8;  // px
 constexpr int kLeastGainSamples = 100;
 constexpr int kDark = 8;

@@ -23,14 +23,14 @@ class TileMap {
 
   /// The surface of the picture; a plane at first and after clear().
   const Surface& surface() const { return surface_; }
-  /// Redraws the picture on a cylinder, and draws all further frames there. False, without a
-  /// change, if the picture is too large to be redrawn.
+  /// Redraws the picture on a cylinder, and draws all further frames there. Returns false and
+  /// changes nothing if the picture is too large to be redrawn.
   bool bend(const Surface& cylinder);
 
-  /// Draws a frame (CV_8UC3) at the position `to_map`, frame -> first frame, scaled as the surface
-  /// demands, and blends it with the existing picture. The weight of a pixel falls towards the
-  /// border of its frame, so there are no seams. The picture on a cylinder covers at most one full
-  /// turn; parts beyond its end are drawn at its beginning. False if a part did not fit.
+  /// Draws a frame (CV_8UC3) and blends it with the existing picture. `to_map`: homography frame ->
+  /// first frame, scaled by Surface::scaled(). The weight of a pixel falls towards the border of
+  /// its frame, so there are no seams. The picture on a cylinder covers at most one full turn;
+  /// parts beyond its end are drawn at its beginning. Returns false if a part did not fit.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
   /// Factor that gives the frame the brightness of the map below it; 1 if the overlap is too small.
@@ -38,7 +38,7 @@ class TileMap {
 
   /// The border of a frame in the map. On a cylinder, it is moved by full turns to the drawn area.
   std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
-  /// Bounds of what was drawn, px of the map; empty at first.
+  /// Bounds of the drawn area, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
   /// The drawn area as CV_8UC4; alpha is 0 for unseen parts. `scale` in (0, 1] makes the image

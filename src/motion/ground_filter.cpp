@@ -16,7 +16,7 @@ using util::whiteningOf;
 
 namespace {
 
-/// The problem for estimation::RobustFit: find the pose for which the homography from `map` is
+/// The problem for estimation::RobustFit: find the pose for which imageFromGround(pose) * map is
 /// nearest to the seen homography, in units of the standard deviations of the entries.
 struct PoseProblem {
   using State = CameraPose;
@@ -40,8 +40,8 @@ struct PoseProblem {
   }
 };
 
-/// The most likely pose if `seen` is the homography from the plane of `map` to the image; empty if
-/// no pose fits.
+/// The most likely pose if `seen` is the homography from the keyframe to the image and `map` maps
+/// the keyframe to the ground; empty if no pose fits.
 std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix& whitening,
                                  const Eigen::Matrix3d& map) {
   auto pose = poseFrom(seen * map.inverse());
@@ -62,7 +62,7 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
 }  // namespace
 
 void GroundFilter::setReadout(double seconds) {
-  constexpr double kShare = 0.1;  // share of the given value
+  constexpr double kShare = 0.1;  // deviation of a given readout time, as a share of this time
   is_known_ = seconds != -1.0;
   readout_ = is_known_ ? seconds : 0.0;
   allowed_ = 0.0;
@@ -72,8 +72,8 @@ void GroundFilter::setReadout(double seconds) {
   covariance_(kReadout, kReadout) = deviation * deviation;
 }
 
-/// An unknown readout time may be up to the time between two images, in both directions, but at
-/// most 1/30 s, since nearly every camera takes 30 images a second.
+/// An unknown readout time is between -r and r. Here r is the time between two images, but at most
+/// 1/30 s, since nearly every camera takes 30 images a second.
 void GroundFilter::allowReadout(double seconds) {
   constexpr double kLongest = 1.0 / 30.0;  // s
   constexpr double kUniform = 3.0;         // r² / variance of a uniform distribution over [-r, r]

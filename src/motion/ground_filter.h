@@ -40,8 +40,9 @@ class GroundFilter {
 
   /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
   void setReadout(double seconds);
-  /// Allows an unknown readout time of up to `seconds`, the time between two images: an image has
-  /// been read when the next one begins. Call this before adding the second image.
+  /// If the readout time is unknown, lets the filter consider values up to `seconds`, the time
+  /// between two images (at most 1/30 s), because an image is read out completely before the next
+  /// one begins. Call this before adding the second image.
   void allowReadout(double seconds);
   /// Limits the estimate of the readout time to `seconds`. Call this after adding the second image.
   void limitReadout(double seconds);
@@ -112,8 +113,8 @@ class GroundFilter {
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }
-  /// The part of covarianceOfBoth() that is independent of the map, which means that it is new in
-  /// each frame.
+  /// The part of covarianceOfBoth() that is not caused by errors of the map: the noise that is
+  /// independent from frame to frame.
   Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:

@@ -78,7 +78,8 @@ struct GroundMotion::Impl {
   int looks_away = 0;      // successive normals that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
-  // Point at which an error of the scale has no effect.
+  // Start of the motion, or the last position given to setPose(). A scale error (scale_deviation)
+  // has no effect here; its effect grows with the distance from this point.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   motion::Velocity velocity;
   motion::Relief relief;
@@ -99,7 +100,7 @@ struct GroundMotion::Impl {
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  // `turned` is already empty here, so a refused frame leaves a gap in the sum of turns.
+  // If requireValid() refuses the frame, `turned` stays empty: the sum of turns has a gap.
   motion::requireValid(frame);
   turned = turns;
   const std::optional<Eigen::Matrix3d> homography =
@@ -220,8 +221,8 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 }
 
 /// Continues after a gap: the last velocity predicts the pose. If the reference is the previous
-/// frame, the pose of the reference is predicted. The homography then leads from there to the new
-/// frame, and also gives a velocity.
+/// frame, the pose of the reference is predicted. The homography then leads from the reference to
+/// the new frame, and also gives a velocity.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));

@@ -23,16 +23,16 @@ constexpr double kMemory = 300.0;  // s
 // Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
 // and the relative scale error.
 constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
-// An unknown counts as not known if its standard deviation is larger than this: mounting (rad),
-// delay (s), bias (rad/s), scale error.
+// An unknown is reported only if its standard deviation is smaller than this: mounting (rad), delay
+// (s), bias (rad/s), scale error.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
-// A larger error of the mounting is too large for the first-order model.
+// Largest mounting error for which the first-order model is good enough.
 constexpr double kLargest = 0.35;  // rad
 // Factor on the variances, measured on flights. It is needed because successive differences share a
 // block, so their errors are not independent.
 constexpr double kShared = 1.5;
-// Minimum standard deviation of the noise of a block; minimum turn and minimum change of the
-// angular velocity of a block that give information.
+// Minimum standard deviation of the noise of a block. A smaller turn or a smaller change of the
+// angular velocity in a block gives no information.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
@@ -323,7 +323,7 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  // Share; less than the 3 % to which the scale of cheap gyroscopes is specified.
+  // Share of the turn; less than the 3 % that cheap gyroscopes specify for their scale.
   const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",

@@ -62,7 +62,7 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   constexpr double kLargest = 10.0;  // upper limit of a squared error, because of outliers
   // Largest change of the time between frames, as a share of this time.
   constexpr double kJitter = 0.2;
-  // rad, about a pixel; while the camera stands still, the error does not change.
+  // Minimum motion, rad (about a pixel); while the camera stands still, the error does not change.
   constexpr double kStandsStill = 0.002;
 
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) restart();

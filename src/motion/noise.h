@@ -35,7 +35,9 @@ struct Innovations {
   // Newest residual, in units of the given deviation.
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();
   std::array<double, 2> steps{};  // squared differences of successive residuals, the newest first
-  double scatter = 0.0;           // running mean of the smallest entry, see addResidual()
+  // Running mean of the smallest of the last three squared differences, divided by its expected
+  // value; see addResidual().
+  double scatter = 0.0;
 
   /// Adds the innovation of a measurement. `on`: number of the ground below. Contradictions on the
   /// same ground have the same cause, so they count once.

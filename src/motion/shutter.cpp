@@ -11,8 +11,8 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// Subtracts the multiple of I that makes entry (2,2) zero, and returns the other eight entries. A
-/// multiple of I moves no point.
+/// Makes entry (2,2) zero by subtracting a multiple of I, which moves no point. Returns the other
+/// eight entries.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
       m - m(2, 2) * Eigen::Matrix3d::Identity();
@@ -30,7 +30,7 @@ Matrix8 flowByEntries(const Eigen::Matrix3d& m) {
   return slope;
 }
 
-/// Velocity with which the picture moves at a point, for a focal length of 1.
+/// Image velocity (optical flow) at `point`, for a focal length of 1.
 Eigen::Vector2d velocityAt(const Vector8& flow, const Eigen::Vector2d& point) {
   return homography::jacobianByEntries(Eigen::Matrix3d::Identity(), point) * flow;
 }
@@ -54,7 +54,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   const Matrix8 slope = flowByEntries(back) / seconds;
   if (!same_reference && !follows) changes_ = 0.0;
   if (!same_reference && follows) reference_flow_ = flow_;
-  // If an earlier stamp was ahead of its time, `seconds` is not positive and gives no flow.
+  // If an earlier stamp was ahead of its time, `seconds` is not positive; then no flow is computed.
   if (seconds > 0.0) follow(seen, slope * covariance * slope.transpose());
   if (!same_reference && !follows) reference_flow_ = flow_;
   stamp_ = stamp;
@@ -113,7 +113,7 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   }
   const Vector8 change = root.matrixL().solve(seen - flow_);
   change_ += (change * change.transpose() - change_) / changes_;
-  // About the largest eigenvalue of the mean if all changes are noise (Marchenko and Pastur).
+  // Approximate largest eigenvalue of change_ if all changes are noise (Marchenko and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
   const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);

@@ -9,12 +9,13 @@ namespace ktgp_orb::motion {
 
 /// Finds the effect of a rolling shutter on a homography.
 ///
-/// A row below the middle row is exposed later, by its share of the readout time. Meanwhile the
-/// picture moves; successive homographies show this flow. Moving the points of both pictures back
-/// to the time of the middle row gives the homography of a global shutter. To first order, it
-/// differs from the seen homography by the readout time times a vector, which this class finds.
+/// A row below the middle row is exposed later than the middle row, by its share of the readout
+/// time. Meanwhile the picture moves; this flow is computed from successive homographies. If the
+/// points of both pictures are moved back to their positions at the time of the middle row, they
+/// give the homography of a global shutter. To first order, it differs from the measured homography
+/// by the readout time times a vector. This class computes the vector.
 ///
-/// The flow is filtered, because its noise comes from the same homography that it shall explain.
+/// The flow is filtered, because its noise comes from the same homography that is to be corrected.
 /// Without the filter, a steady motion would show a rolling shutter that does not exist.
 class Shutter {
  public:

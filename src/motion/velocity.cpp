@@ -38,9 +38,9 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   noise_.add(twist_, noise, seconds, filter.now().position.z());
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
   if (!std::exchange(is_measured_, true)) return;
-  // A Kalman update by the last velocity, which differs from the new velocity by an unknown
-  // acceleration. The update matters if the pictures show little. For example, near the ground few
-  // features are in view, and a rotation looks like a translation.
+  // A Kalman update with the last velocity as the measurement. It differs from the new velocity by
+  // an unknown acceleration. The update matters if the pictures tell little about the motion. For
+  // example, near the ground few features are in view, and a rotation looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();

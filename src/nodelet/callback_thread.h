@@ -11,12 +11,13 @@ namespace ktgp_orb {
 
 /// A callback queue with its own thread.
 ///
-/// Callbacks of a nodelet do not run in the manager's threads, because a manager's thread keeps the
-/// nodelet alive during a callback and could destroy it after the unloading has returned, when the
-/// manager's other callback queue no longer exists.
+/// Nodelet callbacks do not run in the manager's threads. A manager thread holds a reference to the
+/// nodelet during a callback. If the nodelet is unloaded meanwhile, this thread may destroy it
+/// after the unload has returned, when the nodelet's other callback queue in the manager is already
+/// gone.
 class CallbackThread {
  public:
-  /// For ros::NodeHandle::setCallbackQueue. A queue on which use() is never called gets no thread.
+  /// The queue for ros::NodeHandle::setCallbackQueue(). If use() is never called, no thread starts.
   ros::CallbackQueue* use() {
     is_used_ = true;
     return &callbacks_;

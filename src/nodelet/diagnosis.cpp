@@ -17,7 +17,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 constexpr double kMaxDropShare = 0.5;  // share of dropped input that gives a warning
 constexpr double kLateError = 4.0;     // multiple of max_latency that gives an error
-// Latency in s above which the stamps must be of another clock.
+// If the latency exceeds this, s, the stamps must come from another clock.
 constexpr double kImplausibleLatency = 3600.0;
 // We avoid ROS_*_THROTTLE: all nodelets of a process share it, and it is silent at ROS time zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
@@ -262,7 +262,7 @@ void Diagnosis::reportWork(Report& report) {
   }
 }
 
-// The latency is unknown if a simulated clock never started or if the stamps are of another clock.
+// The latency is unknown if a simulated clock never started or the stamps come from another clock.
 void Diagnosis::reportLatency(Report& report) {
   const Lock lock(mutex_);
   const Times sum = times();

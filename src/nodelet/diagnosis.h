@@ -46,9 +46,9 @@ class Diagnosis {
   /// latency from the stamp to now, s; 0 without a stamp or a clock.
   double done(const ros::Time& stamp, Clock::time_point start);
 
-  /// Sets a problem with the frames. `kind`: name that identifies the problem. `text`: an empty
-  /// text ends the problem; the end of the subscription ends it, too. `log`: also write the problem
-  /// to the log.
+  /// Sets a problem with the frames. `kind`: name that identifies the problem. `text`: description;
+  /// an empty text clears the problem. Unsubscribing the inputs clears it, too. `log`: also write
+  /// the problem to the log.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
   /// Sets a problem that lasts whether or not frames are received.
   void setFault(const std::string& kind, const std::string& text, bool log = true);

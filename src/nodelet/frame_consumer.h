@@ -18,8 +18,8 @@ namespace ktgp_orb {
 /// Base of nodelets that use images and the matcher's homographies. An image waits for its
 /// homography in an ImageStore. `Work` needs these functions, which are called when
 ///   add(image), follow(homography)   an image or homography has arrived
-///   finish()                         everything that had arrived was added
-///   restart()                        nothing has arrived for a while
+///   finish()                         all images and homographies that arrived were added
+///   restart()                        the inputs were unsubscribed
 template <typename Config, typename Work>
 class FrameConsumer : public ImageNode<Config, Work> {
  protected:
@@ -76,8 +76,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
     this->worker_.template put<&Work::follow>(kHomography, 0, message);
   }
 
-  /// Reports that homographies of raw images do not fit rectified images, or vice versa. Empty if
-  /// both are of the same kind, or if the name of the topic does not tell the kind.
+  /// Explains that the homographies are of raw images but the images are rectified, or vice versa.
+  /// Empty if both are of the same kind, or if the name of the topic does not tell the kind.
   std::string mixtureOf(const HomographyStamped& message) const {
     const std::optional<Pixels> pixels = pixelsOf(images_->topic());
     if (!pixels || (*pixels == Pixels::rectified) == (message.rectified != 0)) return {};

@@ -206,8 +206,8 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   void listeningChanged(bool listening) override;
   void configure(GroundMotionConfig& config) override;
 
-  /// Adds an input of which up to `most` messages may wait for the worker. No match should be lost,
-  /// since the matches form a chain from frame to frame; so only lost matches are counted.
+  /// Adds an input. Up to `most` of its messages may wait for the worker; older ones are dropped.
+  /// Only dropped matches are counted, because each match continues the chain from frame to frame.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
     worker_.setLimits(kind, most);

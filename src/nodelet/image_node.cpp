@@ -169,7 +169,8 @@ void NodeBase::reportStamps() {
 
 void NodeBase::reportRepeats() {
   constexpr double kMost = 0.1;  // share of repeated images above which they are reported
-  // Number of repeats that a stopped camera may cause before the stop is noticed, after 0.1 s.
+  // When a camera comes to a standstill, its images count as repeats until the standstill is
+  // noticed, after 0.1 s. This gives at most this many repeats.
   constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));
@@ -196,8 +197,8 @@ void NodeBase::watchInputs(bool clock_stands) {
     }
     input->setPublishers(publishers);
     if (mixture.empty()) mixture = watch->mixture(publishers);
-    // Silence is no fault while a bag is paused, or before bag.launch plays its bag; bag.launch
-    // sets this parameter. Otherwise, a clock that never started is a fault.
+    // Do not report silence while a bag is paused, or before bag.launch plays its bag (bag.launch
+    // sets this parameter). In all other cases report silence, even if the clock never started.
     if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
     const std::string warning = watch->tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());

@@ -75,8 +75,8 @@ class NodeBase : public nodelet::Nodelet {
                                                 what, queue_size, is_watched, std::move(callback)));
     return *inputs_.back();
   }
-  /// Adds a service whose response `answer` fills. An exception gives success = false and a
-  /// message.
+  /// Adds a service; `answer` fills the response. If `answer` throws, the response has success =
+  /// false and the text of the exception as its message.
   template <typename Service>
   void addService(
       const std::string& name, CallbackThread& queue,
@@ -119,7 +119,7 @@ class NodeBase : public nodelet::Nodelet {
 
   void onInit() final;
   void tick();
-  /// Returns freed memory to the system, which the allocator would otherwise keep.
+  /// Returns freed memory to the system; otherwise the allocator would keep it.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   void reportStamps();

@@ -19,13 +19,13 @@ class ImageStore {
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Sets how many images may wait in addition to these limits, however large they are. Takes
-  /// effect with the next image.
+  /// Sets by how many images kImages and kLeast are raised. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
-  /// Returns how many images were dropped because of kBytes. Images beyond kImages do not count,
-  /// since they are too old for a homography. Neither do images before a taken image: they never
-  /// get a homography, since they repeat another image or max_rate skipped them.
+  /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
+  /// of kImages are not counted, since they are too old for a homography. Images that arrived
+  /// before a taken image are not counted either: they never get a homography, since they repeat
+  /// another image or max_rate skipped them.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();
@@ -80,7 +80,7 @@ class ImageStore {
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
   std::multimap<ros::Time, Stored> images_;  // two images may have the same stamp
-  std::deque<ros::Time> order_;              // stamps in the order of arrival, also of taken images
+  std::deque<ros::Time> order_;              // stamps in order of arrival, including taken images
 };
 
 }  // namespace ktgp_orb

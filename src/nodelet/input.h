@@ -115,9 +115,10 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// The images on a node's topic `image`, with the transport of the parameter ~image_transport. A
-/// topic that ends in /compressed has this transport, whatever the parameter says. The decoder of
-/// this package is preferred to the decoder of compressed_image_transport.
+/// The images on a node's topic `image`, received with the transport of the parameter
+/// ~image_transport. If the topic ends in /compressed, the transport is compressed, whatever the
+/// parameter says. This package's decoder is preferred to the decoder of
+/// compressed_image_transport.
 class ImageInput : public Input {
  public:
   /// `lost`: number of images that were sent, according to header.seq, but did not arrive.

@@ -25,7 +25,7 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-// Share of frames with a homography below which there is a warning.
+// Warn if a smaller share of frames has a geometry, or a larger share has things that stand still.
 constexpr double kMinShare = 0.5;
 
 }  // namespace
@@ -284,7 +284,7 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   // Do not use the camera's lens and masks, since the images may be from another camera.
   configuration.view = {};
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  // Beginning of the error text, which would not name the image otherwise.
+  // Prefix of the error text, which otherwise would not say which image is wrong.
   const char* image = "reference: ";
   try {
     MessageMatcher matcher(configuration);

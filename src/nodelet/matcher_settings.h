@@ -26,7 +26,7 @@ class MatcherSettings {
   bool setLens(const sensor_msgs::CameraInfo& info, std::string& problem);
   /// Takes the camera of the two-view geometry from a camera_info in the same way.
   bool setCamera(const sensor_msgs::CameraInfoConstPtr& info, std::string& problem);
-  /// Both functions throw RefusedImage for an unusable image.
+  /// The next two functions throw RefusedImage for an unusable image.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
   /// Reads the reference file again if it has changed. If `at_once` is false, reads a changed file

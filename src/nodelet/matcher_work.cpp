@@ -81,7 +81,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("homographies", homography == Status::ok ? 1 : 0);
   diagnosis_.count("inliers", match.match.inliers);
   diagnosis_.count(kStillThings, has_reference && match.match.hasStillThings() ? 1 : 0);
-  // Every sequence begins with one frame without a reference.
+  // Every sequence begins with one frame without a reference, so a single one is no problem.
   diagnosis_.setProblem("reference",
                         without_reference_ > 1 ? std::to_string(without_reference_) +
                                                      " frames in a row without a reference: " +

@@ -11,8 +11,8 @@
 
 namespace ktgp_orb {
 
-/// The topics that a nodelet publishes below its private name. Tells whether any of them has a
-/// subscriber, and shuts all of them down.
+/// Publishers of a nodelet in its private namespace. Knows whether any of them has a subscriber,
+/// and can shut them all down.
 class Outputs {
  public:
   using Callback = std::function<void()>;

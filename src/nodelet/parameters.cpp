@@ -30,8 +30,8 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
          "a whole number: write " + digits.str());
 }
 
-/// Refuses a text that is given for a number. YAML 1.1 reads 1e3 as a text, so the message suggests
-/// to write digits.
+/// Refuses a text that is given for a number or a boolean. YAML 1.1 reads 1e3 as a text, so the
+/// message shows the number in plain digits.
 [[noreturn]] void refuseText(const std::string& parameter, const std::string& text, Kind kind) {
   char* end = nullptr;
   const double number = std::strtod(text.c_str(), &end);

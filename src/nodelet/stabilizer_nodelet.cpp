@@ -47,7 +47,7 @@ class StabilizerWork {
   cv::Size size_;     // size of the newest image
   ros::Time newest_;  // stamp of the newest image
   std::uint64_t restarts_ = 0;
-  bool rectified_ = false;  // the newest homography is between rectified pixels
+  bool rectified_ = false;  // whether the newest homography is for rectified images
   std::vector<SteadyFrame> ready_;
   std::deque<SteadyFrame> due_;  // frames whose images may still arrive
 };
@@ -130,7 +130,7 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   diagnosis_.done(header.stamp, start);
 }
 
-/// Makes images steady by their homographies. doc/views.md describes topics and parameters.
+/// Stabilizes images with the matcher's homographies. doc/views.md describes topics and parameters.
 class StabilizerNodelet : public FrameConsumer<StabilizerConfig, StabilizerWork> {
  public:
   ~StabilizerNodelet() override { stop(); }

@@ -216,9 +216,9 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   return list;
 }
 
-/// Deletes files of the folder that no entry uses, because a killed node wrote them for a target or
-/// had not yet deleted them. Touches only files with names that writeImages() gives, such as 12.png
-/// and 12.unfinished0.png.
+/// Deletes images in the folder that no entry uses: a node was killed after it had written them, or
+/// before it could delete them. Touches only files with names that writeImages() gives, such as
+/// 12.png and 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;
   for (const TargetEntry& entry : entries) {

@@ -72,7 +72,7 @@ class TargetBook {
 
   UseFinder use_finder_;
   std::string file_;
-  int lock_ = -1;  // descriptor of the folder of the images
+  int lock_ = -1;  // file descriptor of the image folder, which is locked; -1: none
   Lists lists_;
   std::map<std::string, std::string> reasons_;  // reasons of refused targets, by id
 };

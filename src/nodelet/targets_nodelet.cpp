@@ -141,7 +141,7 @@ void TargetsWork::publish(const TargetDetectionsPtr& message,
 
 /// Finds flat targets in images. doc/targets.md describes topics, services and parameters.
 ///
-/// Only the queue of long services uses TargetBook, reads and writes files, and converts the images
+/// Only callbacks in long_queue_ use the TargetBook, read and write files, and convert the images
 /// of requests. Between two images, the worker adds a target or searches the image of a request.
 class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
  public:

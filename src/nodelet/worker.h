@@ -75,7 +75,7 @@ class Inbox {
     while (kinds_[kind].items > 0) dropOldest(kind);
   }
 
-  /// Ends all waiting for good; the queue accepts no more items.
+  /// Closes the queue for good: take() no longer waits, and new items are ignored.
   void close() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -128,7 +128,7 @@ class Worker {
 
   ~Worker() { stop(); }
 
-  /// `afterwards` is called whenever all jobs that had arrived are done.
+  /// `afterwards` is called each time the worker has done all jobs that were waiting.
   void start(std::unique_ptr<State> state, Failed failed, Job afterwards = nullptr) {
     state_ = std::move(state);
     failed_ = std::move(failed);
@@ -146,8 +146,8 @@ class Worker {
     inbox_.setLimits(kind, items, bytes);
   }
   void post(Job job) { inbox_.put(kCommand, 0, {std::move(job), nullptr, nullptr}); }
-  /// Sends a job that calls `Use`, a function of the state, with the message; it may be dropped,
-  /// see Inbox. Returns how many older jobs were dropped. Allocates nothing in steady state.
+  /// Sends a job that calls `Use` of the state with the message. The job may be dropped, see Inbox.
+  /// Returns how many older jobs were dropped. Allocates nothing in steady state.
   template <auto Use, typename Message>
   std::size_t put(std::size_t kind, std::size_t bytes,
                   const boost::shared_ptr<const Message>& message) {

@@ -146,9 +146,9 @@ void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& ca
   if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
 }
 
-/// Draws reference and target side by side. Lines join at most 150 matches of `level` or above,
-/// evenly chosen, since a thousand lines would hide both images. The other matches of these levels
-/// are drawn as dots. `removed`: whether matches below `level` are drawn as dots, too.
+/// Draws reference and target side by side, and dots for the matches of `level` or above. At most
+/// 150 of these matches, evenly chosen, also get a line, since a thousand lines would hide both
+/// images. `removed`: whether matches below `level` are drawn as dots, too.
 void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  Level level, bool removed, cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);

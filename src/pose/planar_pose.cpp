@@ -101,7 +101,7 @@ struct PoseProblem {
 
   void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
                  estimation::NormalEquations& sums) const {
-    // Step for numeric derivatives, relative; the differences are then exact to 1e-10.
+    // Relative step of the finite differences, which are then accurate to 1e-10.
     constexpr double kStep = 1e-6;
     util::SmallMatrix slope(8, parameters);
     for (int i = 0; i < parameters; ++i) {
@@ -117,7 +117,7 @@ struct PoseProblem {
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
   rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
-  // In rad for the rotation, and as a share of the distance for the position.
+  // The fit ends at smaller steps: rad for the rotation, a share of the distance for the position.
   rules.converged = 1e-7;
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
@@ -183,11 +183,11 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 }
 
 // The scale of the errors is not known, because the covariance does not include the effect of a
-// wrong K, or of a picture whose proportions differ from those of the object. The prior of the
-// squared scale counts like kPrior measurements with the claimed scale, so the squared error of a
-// pose has the likelihood of Student's t distribution. With a prior of one measurement, squared
-// errors of 3, 15 and 99 are expected at the quantiles of 50, 75 and 90 %; in the frames of a real
-// video, the quantiles were 5, 21 and 71.
+// wrong K, or of a picture with other proportions than the object. The prior of the squared scale
+// counts like kPrior measurements with the claimed scale, so the squared error of a pose has the
+// likelihood of Student's t distribution. With a prior of one measurement, the 50, 75 and 90 %
+// quantiles of the squared error should be 3, 15 and 99; in the frames of a real video, they were
+// 5, 21 and 71.
 constexpr double kPrior = 1.0;
 constexpr double kFreedom = 2.0;  // eight entries of H, less six parameters of a pose
 

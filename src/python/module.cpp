@@ -1,6 +1,6 @@
 #include "python/match.h"
 
-// Defines PyInit_checked. Python calls the function below, which calls PyInit_checked.
+// Python calls PyInit_ktgp_orb_core() below, which calls PyInit_checked(), defined here.
 PYBIND11_MODULE(checked, module) {
   module.attr("__name__") = "ktgp_orb_core";
   module.attr("__version__") = KTGP_ORB_VERSION;

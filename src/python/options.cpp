@@ -20,7 +20,7 @@ bool obeys(Scope scope, const ParameterRow& row) {
 }
 
 std::string textOf(const ParameterRow& row, const py::handle& given) {
-  // Converts a scalar of NumPy to a number.
+  // Converts a NumPy scalar to a Python object.
   const bool is_scalar = py::hasattr(given, "dtype") && py::hasattr(given, "item");
   const auto value =
       is_scalar ? py::object(given.attr("item")()) : py::reinterpret_borrow<py::object>(given);

@@ -37,9 +37,9 @@ class Shared {
   explicit Shared(const Options& options) : object_(options) {}
 
   /// Waits until no other thread uses the object, does the work with the GIL released, and returns
-  /// its result. Call this with the GIL, since Python forks processes only with the GIL. Throws
-  /// std::runtime_error in a forked process if the object was in use at the fork: the thread that
-  /// used it does not exist there, so the wait would never end.
+  /// its result. The caller must hold the GIL, since Python forks only while it holds the GIL.
+  /// Throws std::runtime_error in a forked process if the object was in use at the fork: the thread
+  /// that used it does not exist there, so the wait would never end.
   template <typename Work>
   auto use(const Work& work) {
     lock();

@@ -29,8 +29,9 @@ std::string rawTopic(const std::string& topic);
 /// relay may append.
 std::optional<Pixels> pixelsOf(const std::string& image_topic);
 
-/// The kind of the images from `name`: by_name, raw or rectified. by_name: uses pixelsOf(), and raw
-/// if the topic does not tell. Throws std::invalid_argument for another name.
+/// The kind of the images for the value `name` of a parameter: by_name, raw or rectified. For
+/// by_name, the kind is pixelsOf(), or raw if the topic does not tell. Throws std::invalid_argument
+/// for another name.
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic);
 
 struct PixelCamera {

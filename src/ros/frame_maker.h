@@ -39,8 +39,8 @@ class FrameMaker {
  public:
   FrameMaker(util::GreyStretch stretch, const CameraView& view) : stretch_(stretch), view_(view) {}
 
-  /// Sets `frame` to the image of the message, without features. Throws RefusedImage as greyImage
-  /// does, for a mask of another size than the image, and for a roi outside of it.
+  /// Sets `frame` to the image of the message, without features. Throws RefusedImage if greyImage()
+  /// does, if a mask and the image differ in size, or if the roi is outside of the image.
   void make(const sensor_msgs::ImageConstPtr& message, Frame& frame);
 
  private:
@@ -49,7 +49,7 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  // Memory that is used again, so that images need no allocation in steady state.
+  // Reused memory, so that images need no allocation in steady state.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
   std::optional<PixelCamera> camera_;  // camera for images of the size `camera_size_`
   cv::Size camera_size_;

@@ -22,10 +22,11 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Inserts a message by its stamp, since stamps may jitter. A message that goes back farther is
-/// kept `apart`, as in StampOrder. If the next message does not continue from it, its stamp was
-/// wrong, and it is dropped. If both continue from the message before the newest one, the newest
-/// one was dated ahead and is removed. Otherwise a bag was looped or a clock was set, so all older
+/// Inserts a message in the order of the stamps, since stamps may jitter. If a stamp goes back by
+/// more than kWentBack, the message is held in `apart`, as in StampOrder. If the next message does
+/// not continue from the message in `apart`, the stamp of the latter was wrong, and it is dropped.
+/// If both messages continue from the second newest one, the stamp of the newest was ahead of its
+/// time, and the newest is removed. Otherwise a bag was looped or a clock was set, so all older
 /// messages are removed.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages, std::optional<Message>& apart) {
@@ -72,7 +73,8 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// The result of `read`. If `read` throws std::invalid_argument: empty, and `why` is the reason.
+/// Returns the result of `read`. If `read` throws std::invalid_argument, returns nothing and sets
+/// `why` to the reason.
 template <typename Read>
 auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   why.clear();
@@ -84,8 +86,8 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   }
 }
 
-/// Throws if the reference is from another camera, such as a drawn map, since its K is unknown. A
-/// size of zero means that the size is unknown.
+/// Throws if reference and image differ in size: the reference is then from another camera, or is a
+/// drawn map, so its K is unknown. A size of zero means that the size is unknown.
 void requireOneCamera(const HomographyStamped& h) {
   const bool is_known = h.image_width > 0 && h.reference_width > 0;
   if (!is_known || (h.reference_width == h.image_width && h.reference_height == h.image_height)) {
@@ -252,7 +254,7 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  // Least difference of the ratio from 0 and from 1; noise alone gives less than 0.02.
+  // The scale is wrong if the ratio differs from 0 and 1 by more than this. Noise gives below 0.02.
   constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
@@ -464,8 +466,9 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
-  // A given time has a standard deviation of a tenth of its value, so it attracts the estimate. If
-  // the estimate is more than three of these deviations away, the pictures outweigh it.
+  // A given readout_time is a prior with a standard deviation of a tenth of its value, so it pulls
+  // the estimate towards it. If the estimate is more than three of these deviations away, the
+  // pictures outweigh the prior.
   constexpr double kShare = 0.3;
   constexpr double kCertain = 5.0;  // standard deviations of the estimate
   if (readout_time == -1.0) return "";

@@ -41,7 +41,7 @@ struct Format {
   int to_bgr = kNoCode;  ///< OpenCV's code for the conversion of YUV to BGR
 };
 
-/// All supported encodings; only newer versions of sensor_msgs have uyvy, yuyv and nv... ROS names
+/// All supported encodings; only newer versions of sensor_msgs define uyvy, yuyv and nv*. ROS names
 /// a Bayer pattern by the beginning of the first row, but OpenCV by the second row, beginning at
 /// the second pixel. An encoding that does not name its channels counts as BGR, OpenCV's usual
 /// order.
@@ -93,7 +93,7 @@ const Format& formatOf(const std::string& encoding) {
     if (format.encoding == encoding) return format;
   }
   if (encoding.rfind(kUndecoded, 0) == 0) throw RefusedImage(util::printable(encoding, 400));
-  // Longest part of an untrusted name that messages show, in characters.
+  // Messages show at most this many characters of an untrusted name.
   constexpr std::size_t kShown = 64;
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
@@ -142,7 +142,7 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   return swapped;
 }
 
-// Megapixels of the largest image in a request or in compressed data.
+// Largest allowed image in a request or in compressed data, megapixels.
 constexpr double kMostMegapixels = 64.0;
 
 double megapixelsOf(const sensor_msgs::Image& image) {
@@ -196,7 +196,7 @@ cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   return image;
 }
 
-/// Decodes a compressed image, also one of compressedDepth. Throws RefusedImage.
+/// Decodes a compressed image, also in the format compressedDepth. Throws RefusedImage.
 cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   const auto refuse = [&](const std::string& why) {
     throw RefusedImage(kUndecoded + ("(format " + util::quoted(message.format)) + ") " + why);
@@ -205,7 +205,7 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   std::string_view bytes(data, message.data.size());
   if (bytes.empty()) refuse("has no data");
   const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
-  // Size of the header, bytes: the kind of the data, and two numbers for floats.
+  // Size of the header, bytes: the kind of the data, and two parameters of depth in floats.
   constexpr std::size_t kDepthHeader = 12;
   if (is_depth && message.format.rfind("32FC1", 0) == 0) {
     refuse("is depth in floats; expected an image, or depth of 16UC1");
@@ -315,8 +315,8 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
-    // Among the formats of a type, the format with OpenCV's order of colours comes first in the
-    // list.
+    // Of the formats with the same OpenCV type, the format with OpenCV's order of colours comes
+    // first.
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }

@@ -88,8 +88,8 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
                    util::GreyStretch stretch = util::GreyStretch::percentile);
 
 /// A mask (CV_8UC1) that is 0 where the image is black and 255 elsewhere. Accepts the encodings of
-/// greyImage. A Bayer pixel counts by its own value, and a yuv422 pixel by its brightness. Throws
-/// RefusedImage.
+/// greyImage. Tests the raw value of each pixel in Bayer images, and the brightness in yuv422
+/// images. Throws RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
 /// Like maskImage(), for pixels in memory. A fourth channel is opacity; transparent pixels give 0.
 cv::Mat notBlack(const cv::Mat& image);
@@ -102,7 +102,7 @@ bool hidesAll(const cv::Mat& mask);
 constexpr char kHidesAll[] =
     "hides the whole image, since black and transparent pixels hide; expected white where the "
     "image is looked at";
-/// Reports that a mask hides nothing; empty for other masks and for an empty mask.
+/// A warning if the mask hides nothing; empty for other masks and for an empty mask.
 std::string idleMask(const cv::Mat& mask);
 
 /// Reads an image file as a message with stamp zero: mono16 if the file has 16 bits, else mono8.

@@ -48,7 +48,8 @@ std::string ImageStamps::reason() const {
 bool ImageStamps::isAhead(const ros::Time& stamp, const ros::Time& arrival) {
   constexpr std::size_t kKept = 10;
   constexpr std::size_t kLeast = 3;
-  constexpr double kJitter = 0.1;  // s; arrivals vary less unless the computer is overloaded
+  // The delay of arriving images, s, varies by less than this unless the computer is overloaded.
+  constexpr double kJitter = 0.1;
   if (arrival.isZero()) return false;
   const double lead = stamp.toSec() - arrival.toSec();
   const auto [least, most] = std::minmax_element(leads_.begin(), leads_.end());

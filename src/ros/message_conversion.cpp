@@ -339,7 +339,7 @@ const char* explanation(NoReference reason) {
        "no reference: reference_mode changed", "no reference: another lens calibration"});
 }
 
-/// The image in which the keypoints of the frame are: rectified if the frame has a lens.
+/// The image to which the frame's keypoints refer: rectified if the frame has a lens.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   if (!lens) return image;
   cv::Mat rectified;

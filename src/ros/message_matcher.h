@@ -9,7 +9,7 @@
 
 namespace ktgp_orb {
 
-/// Warning for the case that most frames have things that stand still (MatchResult::still).
+/// Warning if things stand still in most frames (MatchResult::still).
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "
@@ -38,7 +38,8 @@ class MessageMatcher {
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
   /// Whether the reference of the fixed mode is a frame of the camera and not the configured image.
-  /// Compares the pixels, because new options make another frame of the configured image.
+  /// Compares the addresses of the pixels, because new options replace the frame but not its
+  /// pixels.
   bool holdsSetReference() const {
     const FrameConstPtr fixed = fixedReference();
     return fixed &&

@@ -30,8 +30,8 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   return reference_;
 }
 
-/// A keyframe may be old if frames keep arriving, but the previous frame may not. A previous frame
-/// whose stamp was ahead of its time stays the reference, because its picture is right.
+/// The previous frame must not be older than max_age; a keyframe may be, if frames keep arriving. A
+/// previous frame whose stamp was ahead stays the reference, because its image is right.
 NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
   if (!previous_) return NoReference::none;
   constexpr double kMost = 9e18;  // ns

@@ -9,8 +9,8 @@
 
 namespace ktgp_orb::sequence {
 
-/// The reason why two frames must be from different cameras: another encoding or another lens; none
-/// if there is no such difference.
+/// Why two frames must be from different cameras: their encodings or their lenses differ. Returns
+/// none if there is no such difference.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
 /// Chooses the reference of the next frame, decides when to forget it, and accumulates
@@ -35,7 +35,7 @@ class ReferenceKeeper {
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
   /// Homography from the first frame of the unbroken sequence to the last frame. Empty in fixed
-  /// mode, and if the chain has just begun or begun anew.
+  /// mode, and when a chain has just begun.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 

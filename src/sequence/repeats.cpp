@@ -41,7 +41,7 @@ void keep(double value, std::size_t most, std::vector<double>& values) {
 
 bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                       std::int64_t last_stamp) {
-  // Longest interval that counts, s; cameras with less than four images a second are rare.
+  // Longer intervals are cut to this, s; cameras with less than four images a second are rare.
   constexpr double kLongest = 0.25;
   constexpr std::size_t kIntervals = 8;
   if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
@@ -54,8 +54,8 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   // Without stamps (0 s), a camera that stands still cannot be told from a camera that repeats
   // images.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // The interval counts, unless the camera already stands still. The first equal image after too
-  // long a time may be a late repetition, so it counts, too.
+  // Keep the interval, except while the camera stands still. Also keep it at the first equal image
+  // that is too late for patience(), since this image may be a late repetition.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }
@@ -72,10 +72,9 @@ double Repeats::patience() const {
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
-/// Whether the difference is in the lower of two groups between which the differences alternate.
-/// This is not the case if a motion slows down, since there are then differences between the
-/// groups. It is not the case either if a motion stops, since the difference falls to the lower
-/// group only once.
+/// Whether the differences alternate between two groups, and `difference` is in the lower group. If
+/// a motion slows down, some differences lie between the groups, so the result is false. If a
+/// motion stops, it is false, too, since the differences fall to the lower group only once.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; the noise of compression is larger

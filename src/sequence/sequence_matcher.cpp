@@ -41,7 +41,7 @@ std::int64_t stampOf(double seconds) {
 
 /// Factor by which to enlarge a fixed reference that is too small; 1 for any other reference.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
-  // Wanted length of the shorter side, px; this is ten descriptor patches.
+  // Wanted length of the shorter side, px; about the width of ten descriptor patches.
   constexpr double kWanted = 300.0;
   constexpr double kMost = 4.0;
   if (options.mode != ReferenceMode::fixed || fixed == nullptr) return 1.0;
@@ -162,7 +162,7 @@ struct SequenceMatcher::Impl {
   MatchResult other_result;
   MatchResult whole_result;
   std::optional<RelativePose> last_motion;  // motion between the previous frame and its reference
-  double lost_milliseconds = 0.0;           // time that went into matches which are not the result
+  double lost_milliseconds = 0.0;           // time spent on matches that were discarded
   bool fix_next_frame = false;
   bool has_other_input = false;  // whether options or fixed reference changed since the answer
   bool had_reference = false;    // whether `answer` had a reference before it was cleared
@@ -192,9 +192,9 @@ void SequenceMatcher::Impl::extract(Frame& frame, const OrbOptions& orb) {
   extractFeatures(extractor, frame);
 }
 
-/// Returns the simulated views of the reference, or null. Views are worth their time only for a
-/// reference that stays. With a lens no views are used, since the keypoints of a view cannot be
-/// rectified.
+/// Returns the simulated views of the reference, or null. Making views takes long, so they are made
+/// only for a fixed reference. With a lens no views are used, since the keypoints of a view cannot
+/// be rectified.
 const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
   const GrowthOptions& growth = options.matcher.growth;
   const bool wanted = growth.enabled && growth.views > 0 &&
@@ -394,7 +394,7 @@ void SequenceMatcher::setFixedReference(const FramePtr& frame) {
       frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
-  impl_->has_other_input = true;  // from now on a repeated image has another answer
+  impl_->has_other_input = true;  // so that a repeated image is matched again
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {

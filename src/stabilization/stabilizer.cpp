@@ -13,18 +13,17 @@ namespace {
 
 using util::requireInRange;
 
-// Frames are used only if their distance in time is at most this, in standard deviations of the
+// Largest distance in time of the frames that are used for smoothing, in standard deviations of the
 // weights.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
-// Shake is removed completely up to this share of the margin. With a lag of 0 the share must be
-// larger.
+// Shake is removed completely if it needs at most this share of the margin. With a lag of 0 the
+// weights need more margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still, for the case that no later frames are
-// used. At 30 frames a second the whole history weighs 5, so this weight delays an even motion by
-// 0.01 s.
+// Weight of the assumption that the camera stands still, which is used if the lag is 0. At 30
+// frames a second the whole history weighs 5, so this weight delays an even motion by 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {

@@ -139,9 +139,9 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// The motion of the point between frames that remains in the steady picture. It is the difference
-/// between the place to which the step takes the point and the place of the point in the next
-/// frame's window. It is linear in the corrections.
+/// The motion of the point that remains in the steady picture: the difference between the position
+/// to which the step maps the point and the point's position in the next frame's window. The motion
+/// is linear in the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());

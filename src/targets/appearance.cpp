@@ -75,7 +75,7 @@ bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& hom
                         const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
   // Longer side of the canvas, px; a larger canvas takes longer and gives the same place.
   constexpr double kLongest = 48.0;
-  constexpr double kLeastAlike = 0.4;  // least correlation; low, since compare() follows
+  constexpr double kLeastAlike = 0.4;  // minimum correlation; low, since compare() is stricter
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   const double scale = std::min(1.0, kLongest / std::max(seen.width, seen.height));
   const cv::Size size(std::max(kSide, cvRound(scale * seen.width)),

@@ -28,10 +28,9 @@ class Appearance {
     bool differs = false;    ///< most blocks in view have texture and do not look alike
   };
 
-  /// The share of blocks that look alike must be this many times as large at the place of the
-  /// homography as at any place nearby, because a facade or a text nearly looks alike after a shift
-  /// by one window or one line. If a track predicts the place, the share at this place need only be
-  /// the largest.
+  /// Minimum ratio of the share of similar blocks at the homography's position to the largest such
+  /// share at a nearby position. A facade or a text still looks similar when shifted by one window
+  /// or one line. If a track predicts the position, its share only has to be the largest (ratio 1).
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 

@@ -47,7 +47,7 @@ class BitTables {
 
   struct Item {
     std::uint32_t number;
-    std::uint32_t some_bits;  // 32 bits outside the key, a fast test that rejects most items
+    std::uint32_t some_bits;  // 32 bits outside the key; a fast test of them rejects most items
   };
   struct Similar {
     std::uint32_t query;
@@ -65,9 +65,9 @@ class BitTables {
     std::vector<Run> runs;
   };
 
-  /// Finds the descriptors that have the same key as a query in one of the tables `first` to `end`
-  /// - 1, and that differ in few other bits. `wanted_of(q)`: the descriptor of query q, for q from
-  ///   0 to `queries` - 1. Works in steps; each step fetches the memory that the next step needs.
+  /// Finds the descriptors that have the same key as a query in one of the tables [`first`, `end`),
+  /// and that differ in few other bits. `wanted_of(q)`: the descriptor of query q < `queries`.
+  /// Works in steps; each step fetches the memory that the next step needs.
   template <typename WantedOf>
   void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wanted_of,
             Found& found) const {

@@ -15,7 +15,7 @@ namespace {
 // Longer side of the small copy that is compared with itself, px.
 constexpr double kCopySide = 96.0;
 constexpr double kLeastMove = 0.08;  // share of the side; a smaller shift counts as the same place
-constexpr double kLeastAlike = 0.5;  // least correlation; low, since the blocks are compared later
+constexpr double kLeastAlike = 0.5;  // minimum correlation; low, since blocks are compared later
 constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
@@ -96,8 +96,8 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether `one` is much less likely to be a false alarm than `other`. If only a part is in view
-/// that both targets have in common, both have nearly the same support, so either may be there.
+/// Whether `one` is much less likely to be a false alarm than `other`. If only a common part of
+/// both targets is in view, both have nearly the same support, so neither is clearly better.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
@@ -178,7 +178,8 @@ std::string ambiguityOf(const TargetPicture& picture) {
 }
 
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
-  // Minimum share of a target's points inside the outline of another target to be a part of it.
+  // A target may be part of another target if at least this share of its points is inside the
+  // other's outline.
   constexpr double kMost = 0.7;
   // Targets are in the same place if the outlines share more than this part of the larger outline.
   constexpr double kSamePlace = 0.5;
@@ -201,7 +202,7 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store) {
   constexpr double kShare = 0.6;
-  // Least share of blocks that look alike. If two sharp images have only a logo in common, the
+  // Minimum share of blocks that look alike. If two sharp images have only a logo in common, the
   // other blocks differ.
   constexpr double kLeastAgreement = 0.5;
   return found.agreement > kLeastAgreement && coversTexture(found, store) &&

@@ -14,12 +14,12 @@ namespace ktgp_orb::targets {
 /// apart. Empty if there is no such pose.
 std::string ambiguityOf(const TargetPicture& picture);
 
-/// Marks the doubtful targets (non-zero): another target explains the same part of the frame with
-/// as much support or nearly so (see FoundTarget::log_false_alarms). There are two cases:
+/// Marks the doubtful targets (non-zero). A target is doubtful if another target explains the same
+/// part of the frame at least nearly as well (see FoundTarget::log_false_alarms). Two cases:
 /// - Both pictures have a part in common, such as a logo. Only this part of the doubtful target is
-/// seen, within the other target. (A target that lies on another target is seen as a whole and
-/// looks like its picture as much as the other target does. A target below another is seen outside
-/// of it.)
+/// seen, inside the other target. (A target that lies on top of the other is seen as a whole and
+/// looks like its picture as much as the other does. A target below the other is seen outside of
+/// it.)
 /// - Both targets cover nearly the same part of the frame.
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);
 

@@ -147,9 +147,10 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// Sums the errors of each band of rows. Returns the sum of all squared errors, px², by coordinate.
+/// Sums the errors of each band of rows. Returns the sums of all squared errors in x and y, px².
 Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
-  // Height of a band, px. Its rows move together, since a motor's period has some hundred rows.
+  // Height of a band, px. The rows of a band move together, since a period of a motor's vibration
+  // lasts some hundred rows.
   constexpr double kBand = 16.0;
   constexpr double kLargest = 3.0;  // px; a larger error is a wrong match
   bands_.clear();
@@ -173,13 +174,14 @@ Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
   return squares;
 }
 
-/// If a rolling shutter vibrates, rows are displaced together by more than the noise of their
-/// patches. The homography follows a part of this, which the residuals do not show. So each band of
-/// rows adds the variance that remains in the means of the bands to the covariance.
+/// If a camera with a rolling shutter vibrates, rows are displaced together by more than the noise
+/// of their patches. The homography follows a part of this displacement, so the residuals do not
+/// show that part. The means of the bands of rows vary by more than the noise explains. For each
+/// band, this excess variance is added to the covariance.
 void PictureAligner::addVibration(UncertainHomography& estimate) {
   constexpr double kFitted = 3.0;  // number of bands that a homography can follow, per coordinate
-  // Neighbouring patches overlap by half in x and y, so means have this multiple of the noise
-  // variance.
+  // Neighbouring patches overlap by half in x and y, so the noise variance of a mean is this many
+  // times as large as for independent patches.
   constexpr double kOverlap = 4.0;
   const Eigen::Vector2d squares = sumBands(estimate.homography);
   double count = 0.0;

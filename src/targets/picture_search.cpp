@@ -130,7 +130,7 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 }
 
 /// Fits the homography to the pairs that the grower has just found, and judges it by comparing the
-/// images. If the images do not confirm the homography, judges it by decoys of the keypoints.
+/// images. If they do not confirm it, compares its matches with decoys (see growth::Verdict).
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;

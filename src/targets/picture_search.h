@@ -65,9 +65,8 @@ class PictureSearch {
   static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
-  /// Limits of the number of attempts for one picture in a frame; each attempt is an opportunity
-  /// for a chance hit. Seeds come from two kinds of tables, and each seed can give three
-  /// homographies.
+  /// Maximum numbers of attempts for one picture in a frame; each attempt is an opportunity for a
+  /// chance hit. Seeds come from two kinds of tables, and each seed can give three homographies.
   static constexpr int kAllSeeds = 2 * kMostSeeds;
   static constexpr int kAllHomographies = 3 * kAllSeeds;
 

@@ -23,8 +23,8 @@ double enlargementOf(int longer_side) {
   return by >= kLeast ? by : 1.0;
 }
 
-/// Adds pyramid levels for the enlargement, for at most an octave, so that large targets are still
-/// found. A larger enlargement makes edges softer, so it also lowers the threshold for corners.
+/// Adds pyramid levels for the enlargement, at most an octave, so that large targets are still
+/// found. Beyond an octave, edges become softer, so the threshold for corners is lowered.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);

@@ -22,7 +22,7 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-// Limit of the number of pairs, to save time; the first pairs are used.
+// Maximum number of pairs, to save time; the first pairs are used.
 constexpr std::size_t kMost = 300;
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,

@@ -52,7 +52,7 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
-  // The enlargement of frames depends on smallest_side, not on first_level.
+  // Must be 0, because the enlargement of frames depends on smallest_side, not on first_level.
   util::requireInRange("orb.first_level", options.orb.first_level, 0, 0);
   util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
   util::requireInRange("search_ms", options.search_ms, 0.0, kUnlimited);
@@ -209,7 +209,7 @@ Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, boo
 /// A known target that looks the same as the picture; null if there is none.
 const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bool larger,
                                                 const StoredTarget* replaced) {
-  // A target that looks the same gets many more votes, but a small picture has few keypoints.
+  // Minimum number of votes. A lookalike gets many more, but a small picture has few keypoints.
   const std::int32_t fewest = isSmall(picture) ? 2 : 5;
   const UncertainHomography to_picture{setChecked(picture, larger)};
   search.lookUp(0, checked.features().size());
@@ -361,12 +361,13 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Refines the homography by aligning patches with the original frame. If the searched frame was
-/// shrunk, the original frame shows more details, provided that the resolution of the picture is
-/// high enough. If the searched frame was enlarged, its blur is wider, so a patch shows fewer
-/// details; but a small target has too few patches in the original frame.
+/// Refines the homography by aligning patches with the original frame, in two cases. A shrunk
+/// searched frame shows fewer details than the original; this matters if the resolution of the
+/// picture is high enough. An enlarged searched frame has wider blur, so a patch shows fewer
+/// details; then small targets are not refined, because they have too few patches in the original
+/// frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
-  constexpr double kMostStretch = 1.2;  // limit of px of the original frame per px of the picture
+  constexpr double kMostStretch = 1.2;  // maximum px of the original frame per px of the picture
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);
@@ -387,11 +388,12 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   one.pairs = std::move(pairs);
 }
 
-/// Completes the instances in `found` from index `begin` on, and moves those without determined
-/// corners to search.undetermined(). If the images cannot be aligned, the frame is blurred or dark,
-/// or the view is steep. Blur displaces neighbouring keypoints together, so many of them say little
-/// more than a few: in drawn frames with 4 to 20 px of blur, the squared errors of the corners were
-/// 10 to 140 times the variances of the covariance, and some corners were 20 px off.
+/// Refines the instances in `found` from index `begin` on, and moves instances with undetermined
+/// corners to search.undetermined(). If the images could not be aligned, the frame is blurred or
+/// dark, or the view is steep; then the covariance is enlarged. Blur displaces neighbouring
+/// keypoints together, so many keypoints give hardly more information than a few: in drawn frames
+/// with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times the variances of
+/// the covariance, and some corners were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const bool has_images = !frame->features().images.empty();
@@ -410,7 +412,7 @@ void TargetFinder::Impl::settle(std::size_t begin) {
   found.resize(kept);
 }
 
-/// Reports the targets that were seen, but only in places that are not determined.
+/// Reports each target of which only instances with undetermined corners were found.
 void TargetFinder::Impl::publishUndetermined() {
   std::unordered_set<const StoredTarget*> named;
   for (const FoundTarget& one : found) named.insert(one.target);
@@ -529,7 +531,8 @@ const TargetFrame& TargetFinder::find(const Features& features) {
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   const Sequence followed = std::exchange(impl_->sequence, {});
-  // The request has its own buffers, which may be large and are freed afterwards.
+  // Search in separate buffers, because the image may need large ones; they are freed afterwards,
+  // and the sequence keeps its own.
   std::unique_ptr<SearchedFrame> of_sequence =
       std::exchange(impl_->frame, std::make_unique<SearchedFrame>(impl_->options));
   const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);

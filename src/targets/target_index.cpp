@@ -40,8 +40,8 @@ void TargetIndex::optimise() {
   const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  // Removed entries are limited even if targets change all the time, so that the index does not
-  // grow.
+  // Merging drops the removed entries. If they are many, merge even while targets keep changing, so
+  // that the index does not grow without limit.
   if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 

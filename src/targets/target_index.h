@@ -85,9 +85,9 @@ class FrameTables {
   void setFrame(const std::vector<growth::Bits>& bits);
 
   /// Pairs each keypoint of the frame with the most similar keypoint of the picture, if their
-  /// distance is at most kMaxDistance; a few pairs are missed. Clear pairs come first: the second
-  /// most similar keypoint at another place of the picture is much less similar. The pairs depend
-  /// only on this picture and the frame.
+  /// distance is at most kMaxDistance; a few pairs are missed. The clearest pairs come first: pairs
+  /// are sorted by their distance over the distance of the most similar keypoint at another place
+  /// of the picture. The pairs depend only on this picture and the frame.
   void match(std::uint32_t number, const growth::ReferenceFrames& picture,
              std::vector<IndexHit>& pairs);
 

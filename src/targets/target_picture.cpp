@@ -12,8 +12,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
-// border the frame shows something else.
+// Minimum distance of a keypoint from the border of the target, in diameters of its patch, because
+// beyond the border the frame shows something else.
 constexpr double kInside = 0.35;
 // Levels of the pyramid at each of kSizes. All pyramids together reach down to a tenth of the
 // image's size, and each level has enough keypoints.
@@ -21,8 +21,8 @@ constexpr int kLevels = 5;
 // Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
 // as a share of the wanted number.
 constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
-constexpr double kLeastSize = 40.0;  // least longer side, px
-// Least shorter side of the image. In a narrower image, no keypoint is far enough from both
+constexpr double kLeastSize = 40.0;  // minimum longer side, px
+// Minimum shorter side of the image. In a narrower image, no keypoint is far enough from both
 // borders.
 constexpr int kLeastRoom = 24;  // px
 

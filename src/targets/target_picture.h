@@ -18,7 +18,7 @@ constexpr int kPictureBorder = 48;
 
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
-  cv::Mat image;                ///< 8-bit grey, at most the largest side
+  cv::Mat image;                ///< 8-bit grey, resized to largest_side if larger
   std::vector<cv::Mat> halves;  ///< `image` at a half, a quarter and so on of its size
   cv::Size full_size;           ///< size of the given image, px
   double scale = 1.0;           ///< px of the given image per px of `image`

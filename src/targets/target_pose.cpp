@@ -83,7 +83,7 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
 
 void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
                                       UncertainHomography& answer) {
-  // Seconds; over a longer time a hand-held camera may have changed its speed.
+  // Longest time since the last detection, s; later, a hand-held camera may have changed its speed.
   constexpr double kLongest = 0.2;
   const auto age = [&](const Seen& one) { return 1e-9 * static_cast<double>(stamp - one.stamp); };
   seen.erase(std::remove_if(seen.begin(), seen.end(),
@@ -132,7 +132,7 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
   // The readout time is unknown. With the covariance of the shutter, the fit would attribute large
-  // errors to the shutter, and might have no minimum.
+  // errors to the shutter, and might have no minimum. So the noise is enlarged by the misfit.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

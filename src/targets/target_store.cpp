@@ -11,8 +11,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Least number of keypoints of an image, not counting its tilted views; a match needs twelve of
-// them.
+// Minimum number of keypoints of an image, without its tilted views; a match needs twelve
+// keypoints.
 constexpr std::size_t kFewestKeypoints = 40;
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
@@ -37,7 +37,8 @@ void requireNames(const Target& target) {
   }
 }
 
-/// Why a picture has fewer than kFewestKeypoints: little texture, or little room between borders.
+/// Explains to the user why a picture has fewer than kFewestKeypoints: it has too little texture,
+/// or it is too narrow.
 std::string whyFewKeypoints(const TargetPicture& picture) {
   constexpr int kNarrow = 40;  // a picture with a smaller shorter side is narrow, px
   const std::string count = std::to_string(picture.own) + " keypoints; expected " +

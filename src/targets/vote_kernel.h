@@ -19,9 +19,9 @@ constexpr std::size_t kSeedMapValues = 10;
 constexpr std::size_t kReadBeyond = 16;
 
 constexpr float kVoteReach = 150.F;  ///< largest distance from the seed, px of the picture
-/// Least distance, px; nearer keypoints may show the same corner.
+/// Minimum distance, px; nearer keypoints may show the same corner.
 constexpr float kVoteApart = 8.F;
-constexpr float kVoteCosine = 0.85F;  ///< least cosine between the linear parts of the maps
+constexpr float kVoteCosine = 0.85F;  ///< minimum cosine between the linear parts of the maps
 /// Largest difference of log_area: a factor of 1.6 in length.
 constexpr float kVoteLogArea = 0.94F;
 constexpr float kVoteSlack = 4.F;  ///< allowed error, px of the frame
@@ -55,8 +55,8 @@ inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
 struct VoteKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Counts how many of `count` voters agree with the seed. `columns` has the first value of
-  /// SeedMap of all voters, `pitch` floats later the second value of all voters, and so on.
+  /// Counts how many of `count` voters agree with the seed. `columns` holds the first values of all
+  /// SeedMaps; `pitch` floats later begin the second values, and so on.
   std::int32_t (*votes)(const float* columns, std::size_t pitch, std::size_t count,
                         const SeedMap& seed);
 };

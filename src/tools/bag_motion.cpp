@@ -69,12 +69,12 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-// Least step back that counts, s; smaller steps are jitter or come from stamps in the future.
+// Least step back of a restart, s; smaller steps are jitter or come from stamps in the future.
 constexpr double kWentBack = 1.0;
 
 /// Whether the clock was set back before the message at `place`, so that all messages before it
-/// have later stamps than all messages after it. A single wrong stamp is no restart, and neither is
-/// a publisher whose stamps are in the future.
+/// have later stamps than all messages after it. Neither a single wrong stamp nor a publisher with
+/// stamps in the future counts as a restart.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
   // Number of messages that are compared before and after the place.

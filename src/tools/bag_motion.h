@@ -64,7 +64,7 @@ class BagMotion {
 
   void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
-  /// Passes on the messages with stamps up to max_age after `time`.
+  /// Passes the messages with stamps up to max_age after `time` to readings_ and tf_.
   void passOn(const ros::Time& time);
   void count(bool is_known, const std::string& reason);
 

@@ -84,7 +84,7 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
 
 namespace {
 
-/// The image in the pixels of the homographies: without distortion if there is a lens.
+/// The image to whose pixels the homographies refer: without distortion if there is a lens.
 cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
   cv::Mat picture = colourImage(image);
   if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;

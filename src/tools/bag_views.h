@@ -42,7 +42,7 @@ struct ViewOptions {
   /// name of the csv file with the homographies from the map to the frames
   std::string mosaic_poses;
   MosaicOptions map;
-  LensConstPtr lens;  ///< its distortion is removed before anything else; null: none
+  LensConstPtr lens;  ///< lens whose distortion is removed first; null: no distortion is removed
 };
 
 /// Adds --stabilize, --mosaic and the options that belong to them.
@@ -82,7 +82,7 @@ class SteadyVideo {
     std::optional<Eigen::Matrix3d> step;
     int repeats = 0;
   };
-  /// Sum for the mean shake over the parts of the video, px^2.
+  /// Computes the mean shake over the parts of the video, px^2.
   struct Shake {
     double sum = 0.0;
     double count = 0.0;
@@ -154,7 +154,7 @@ class BagViews {
   std::size_t repeated_ = 0;  // number of frames lost on repetitive ground
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;
-  std::size_t unfit_ = 0;  // number of frames lost since the surface of the map cannot show them
+  std::size_t unfit_ = 0;  // number of frames lost because the map's surface cannot show them
   std::string why_unfit_;  // reason for the last of these frames
   double place_milliseconds_ = 0.0;
   std::string poses_;

@@ -51,7 +51,7 @@ struct Arguments {
   std::string csv;
   bool overlay = false;
   std::string draw;
-  double rate = 0.0;     ///< 1/s; 0: the times of the recording
+  double rate = 0.0;     ///< frame rate, 1/s; 0: use the times of the recording
   int longest_side = 0;  ///< limit of the longer side for images of a pattern, px; 0: none
   ViewOptions views;
   MotionFile motion;
@@ -119,7 +119,8 @@ void sayNoMotion(const std::string& problem) {
                problem.c_str());
 }
 
-/// The part of the work that must be done frame by frame.
+/// Processes the recording. `pipeline_` extracts features in parallel (and matches early if it
+/// can); this class does the rest frame by frame, in order.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -430,7 +431,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   return configuration;
 }
 
-/// The node follows a camera_info that changes; here the first one is used.
+/// Warns if the camera_info changes: the node follows the change, but we use the first one here.
 void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
   const bool is_used = arguments.parameters.rectify || !arguments.motion.path.empty() ||
                        !arguments.targets.path.empty() ||

@@ -17,7 +17,7 @@ YAML::Node parametersIn(YAML::Node node) {
       throw std::invalid_argument(
           "it is nested too deeply; expected `name: value` lines in one or two");
     }
-    if (node["dictitems"]) {  // the file of dynparam dump has a Python object
+    if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
       // The parameters are within a namespace.
     } else if (node.size() == 1 && node.begin()->second.IsMap()) {

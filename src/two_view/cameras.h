@@ -67,13 +67,13 @@ void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, doubl
 double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView& view,
                   std::vector<double>& angles);
 
-/// Pose covariance from `of_step`: the covariance of small rotations and of changes of the
-/// translation in two directions across it.
+/// Pose covariance from `of_step`, the covariance of small rotations and of changes of the
+/// translation in the two directions orthogonal to `translation`.
 Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step,
                            const Eigen::Vector3d& translation);
 
-/// The step from one motion to another, in the coordinates of TwoView::pose_covariance. Its first
-/// part is orthogonal to the first translation and as long as the arc between the translations.
+/// The step from one motion to another, in the coordinates of TwoView::pose_covariance. Its
+/// translation is orthogonal to from.translation and as long as the arc between the translations.
 Eigen::Matrix<double, 6, 1> stepBetween(const RelativePose& from, const RelativePose& to);
 
 }  // namespace ktgp_orb::two_view

@@ -239,7 +239,7 @@ std::size_t EpipolarProblem::findInliers(const Epipolar& model,
   return markNear(*pairs_, model, pairs_->limit, inlier);
 }
 
-/// Derivative of the Sampson distance by F: (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
+/// Derivative of the distance with respect to F: (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
 double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                                 Eigen::Vector2d* by_target) const {
   const double x[3] = {points.x[i], points.y[i], 1.0};
@@ -297,8 +297,8 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
   sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Selects pairs near the geometry, but none behind a camera: a wrong pair near its epipolar line
-/// has a large parallax, and so much influence. Pairs with parallel rays within the errors stay.
+/// Selects pairs near the geometry, but no points behind a camera: a wrong pair near its epipolar
+/// line has a large parallax and much influence. Rays that are parallel within the errors are kept.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
   constexpr double kBehind = 3.0;  // deviations
   const EpipolarPairs& pairs = *problem_.pairs;
@@ -363,7 +363,7 @@ double EpipolarFit::instability(const Epipolar& geometry, double cell,
                                 const Covariance6& covariance) {
   constexpr int kGroups = 4;
   constexpr std::size_t kColumns = homography::PointArrays<double>::kCellColumns;
-  constexpr double kLost = 25.0;  // squared change if the rest does not determine a motion
+  constexpr double kLost = 25.0;  // squared change if the remaining pairs do not determine a motion
   const Eigen::Matrix<double, 6, 6> inverse =
       Eigen::Matrix<double, 6, 6>(covariance).completeOrthogonalDecomposition().pseudoInverse();
   problem_.pairs->refinement.findCells(2.0 * cell, cell_);
@@ -396,7 +396,7 @@ estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double
     const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
     const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
     clusters_.add(cell_[i], pull * e);
-    // Shared errors shift the target point by 1, u or v along either axis.
+    // Shared errors are linear: each shifts the target point along one axis by 1, u or v.
     const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
     by_shared.leftCols<3>() += pull * (by_target.x() * linear);
     by_shared.rightCols<3>() += pull * (by_target.y() * linear);

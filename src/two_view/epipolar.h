@@ -58,15 +58,15 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Matrix3d inPixels(const Epipolar& geometry) const;
 
   /// Jacobian of F's entries, row by row, with respect to the parameters. With cameras: rotations
-  /// about the target camera's axes, then two directions across t. Without: rotations of U and V,
-  /// then s.
+  /// about the target camera's axes, then two directions orthogonal to t. Without cameras:
+  /// rotations of U and V, then s.
   using Tangent = Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, 7>;
   Tangent tangent(const Epipolar& geometry) const;
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
 
   /// Distance of a pair from the motion, normalised units. If the point is in front of both
-  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; this
-  /// is the distance from its image, over sqrt(2) because both images have errors.
+  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; its
+  /// image's distance is divided by sqrt(2), because both images have errors.
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
@@ -81,7 +81,7 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Matrix3d target_ray_;
 };
 
-/// Two orthogonal unit vectors across a unit vector.
+/// Two unit vectors that are orthogonal to each other and to the unit vector `direction`.
 Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 
 /// Multiplies `matrix` from the left by the rotation of a small rotation vector.
@@ -89,7 +89,7 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 
-/// The Sampson distances of selected pairs over their deviations, for estimation::RobustFit.
+/// The Sampson distances of selected pairs, divided by their deviations, for estimation::RobustFit.
 struct SampsonProblem {
   using State = Epipolar;
 
@@ -112,11 +112,11 @@ struct SampsonProblem {
 /// distribution, on the manifold of Epipolar. Keeps its buffers.
 class EpipolarFit {
  public:
-  /// Stored by reference; best quality first.
+  /// Keeps a pointer to `pairs`, which must be sorted by quality, best first.
   void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
 
-  /// Makes one step with the best pairs whose error is below `reach`. Returns false if these are no
-  /// more than a sample, or do not determine the step.
+  /// Makes one step with the best pairs whose error is below `reach`. Returns false if there are
+  /// not more of them than in a sample, or if they do not determine the step.
   bool step(double reach, Epipolar& geometry);
 
   /// Fits to convergence, with all pairs whose error is below twice the limit, and estimates the
@@ -129,8 +129,8 @@ class EpipolarFit {
   /// not known.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
-  /// How much more the motion depends on the part of the image that it is fitted to than
-  /// `covariance` predicts: a factor on the covariance. Changes the state that minimise() left.
+  /// Factor for `covariance`, > 1 if the motion changes more than `covariance` predicts when a part
+  /// of the image is left out of the fit. Changes the state that minimise() left.
   double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
 
   /// After minimise(): scale of the Sampson distances of pairs with the deviation 1, normalised
@@ -158,7 +158,7 @@ class EpipolarProblem {
  public:
   using Model = Epipolar;
 
-  /// Stored by reference; best quality first.
+  /// Keeps a pointer to `pairs`, which must be sorted by quality, best first.
   void setPairs(const EpipolarPairs& pairs) {
     pairs_ = &pairs;
     fit_.setPairs(pairs);

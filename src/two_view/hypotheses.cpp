@@ -75,7 +75,7 @@ bool Hypotheses::isKnown(const Epipolar& geometry) const {
 
 void Hypotheses::start(const RelativePose& motion) {
   constexpr int kSteps = 2;
-  constexpr std::size_t kVoters = 64;  // best pairs, which choose the sign
+  constexpr std::size_t kVoters = 64;  // number of best pairs, which choose the translation's sign
   RelativePose forward = motion;
   const std::size_t n = std::min(pairs_->size(), kVoters);
   std::size_t front = 0;
@@ -97,7 +97,8 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
     setGains(list_.back());
   }
   judge();
-  // The old best motion was fitted freely, so it always agrees better. Its lead does not count.
+  // The old best motion was fitted freely, so it always agrees better than the new motions. It gets
+  // at most the probability of the best new motion.
   if (!others.empty() && !isKnown(others.front().geometry)) {
     const double lead = difference(others.front(), list_.front());
     others.front().probability = std::exp(std::min(lead, 0.0)) * list_.front().probability;
@@ -113,7 +114,7 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;   // maximum number of fits
   constexpr float kMostCost = 2.0F;  // largest cost of a start that is fitted, over the lowest cost
-  constexpr double kLeastScale = 0.07;  // share of the limit, 0.1 px; residuals hide smooth errors
+  constexpr double kLeastScale = 0.07;  // of the limit: 0.1 px; residuals do not show smooth errors
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   double least = pairs_->limit;
@@ -135,7 +136,7 @@ void Hypotheses::refine() {
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   // If one cell alone decides, the other motion keeps a probability of 0.27.
   constexpr double kMostOfACell = 1.0;
-  constexpr double kIndifferent = 3.0;  // difference of gains that noise of three deviations makes
+  constexpr double kIndifferent = 3.0;  // difference of gains due to noise of three deviations
   constexpr double kOnPlane = 4.5;  // deviations; by noise alone, 1 pair in 25 000 is farther off
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;

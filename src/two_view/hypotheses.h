@@ -64,7 +64,7 @@ class Hypotheses {
   // Share of right pairs among the precise pairs [0] and among the others [1].
   double share_[2] = {0.5, 0.5};
   std::vector<std::size_t> cell_;  // cell of each pair
-  std::vector<double> off_plane_;  // distance from the plane over relative deviation
+  std::vector<double> off_plane_;  // distance of each pair from the plane / its relative deviation
   mutable std::vector<double> cells_;
   std::vector<std::pair<float, Epipolar>> starts_;  // cost of each start, and the start
   std::vector<Hypothesis> list_;

@@ -59,7 +59,7 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
 /// Aligned pairs come first in the order of PROSAC, because they are more accurate.
 void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
                                  TwoViewMatches& result) {
-  constexpr double kLater = 1.0;  // added to the ratio if not aligned; above any ratio
+  constexpr double kLater = 1.0;  // added to the ratio of unaligned pairs; above any ratio
   result.pairs = keypoints;
   result.aligned.assign(keypoints.size(), 0);
   deviations.assign(keypoints.size(), kKeypointDeviation);
@@ -91,7 +91,7 @@ void TwoViewMatcher::Impl::rectify(const Lens* lens, std::vector<Eigen::Vector2d
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = {moved[i].pt.x, moved[i].pt.y};
 }
 
-/// Removes the pairs with a point for which the lens has no position without distortion.
+/// Removes a pair if the lens has no undistorted position for one of its points.
 void TwoViewMatcher::Impl::dropUnplaced(TwoViewMatches& result) {
   std::size_t kept = 0;
   PointPairs& pairs = result.pairs;

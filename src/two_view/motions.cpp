@@ -145,7 +145,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // Shared errors shift the target points by x, y or 1 along either axis (x and y about 1).
+  // Shared errors are linear: each shifts the points along one axis by x, y or 1 (x, y about 1).
   const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
   Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
   Eigen::Vector2d residual;
@@ -170,7 +170,7 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
 }
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
-  constexpr int kRounds = 5;  // the first two weigh all pairs nearly alike
+  constexpr int kRounds = 5;  // in the first two rounds, all pairs have nearly the same weight
   constexpr std::size_t kMost = 200;
   constexpr double kLeastScale2 = 1e-18;  // rad²; without any motion the residuals are zero
   const std::size_t n = std::min(pairs.size(), kMost);

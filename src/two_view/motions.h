@@ -20,8 +20,8 @@ struct PlanarMotion {
   RelativePose pose() const { return {rotation, translation.normalized()}; }
 };
 
-/// Up to two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) and in
-/// which most pairs of `mask` see the front of the plane; none if the camera did not move.
+/// Up to two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) with
+/// the plane in front of the camera for most pairs of `mask`; none if the camera did not move.
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography);

@@ -38,9 +38,9 @@ double rootBetween(const double* c, std::size_t degree, double low, double high,
   return z;
 }
 
-/// Real roots of a polynomial in [-1, 1], ascending. Between two neighbouring roots of the
-/// derivative there is at most one. The roots of the derivatives need not be exact to separate the
-/// roots. After a Newton step below 1e-8, only rounding errors remain.
+/// Real roots of a polynomial in [-1, 1], ascending. Between neighbouring roots of its derivative,
+/// it has at most one root. So the derivatives' roots only separate its roots and need not be
+/// exact. After a Newton step below 1e-8, only rounding errors remain.
 template <std::size_t Degree>
 std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
                         std::array<double, Degree>& roots) {
@@ -145,8 +145,8 @@ void constraints(const Null& null, Eigen::Matrix<double, 10, 20>& equations) {
 
 using Polynomial = std::array<double, 5>;  // degree up to 4, lowest first
 
-/// A row of B(z), where B(z) (x y 1)^T = 0: the equation of a monomial times z, minus z times the
-/// equation of the monomial.
+/// A row of B(z), where B(z) (x y 1)^T = 0: the equation that starts with xxz, yyz or xyz, minus z
+/// times the equation that starts with xx, yy or xy.
 std::array<Polynomial, 3> rowOfB(const Eigen::Matrix<double, 6, 10>& m, Eigen::Index with_z) {
   const auto a = m.row(with_z);
   const auto b = m.row(with_z + 1);

@@ -9,7 +9,8 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-/// Finds the cell of each point. `apart`: side of a cell, unless an axis has over 1024 cells.
+/// Finds the cell of each point. `apart`: side of a cell; larger if an axis would have over 1024
+/// cells.
 void numberCells(const std::vector<Eigen::Vector2d>& points, double apart,
                  std::vector<std::uint32_t>& cell, std::vector<std::uint8_t>& taken) {
   constexpr double kMost = 1024.0;
@@ -75,7 +76,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
     // The probability that the first k + 1 pairs, and no others, agree by chance; p is the largest
-    // probability of these pairs. If chance explains as many inliers, they are no evidence.
+    // probability of these pairs. Skip this number of inliers if so many are expected by chance.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

@@ -81,8 +81,8 @@ struct TwoViewEstimator::Impl {
   ProsacHomography prosac;
   ProsacResult plane;
   bool has_plane = false;
-  double log_plane = 0.0;     // log of the homography's false alarms
-  double log_rotation = 0.0;  // log of the rotation's false alarms
+  double log_plane = 0.0;     // log10 of the homography's number of false alarms
+  double log_rotation = 0.0;  // log10 of the rotation's number of false alarms
   double log_epipolar = 0.0;
   two_view::RotationFit turn;
   std::optional<two_view::Cameras> cameras;
@@ -184,7 +184,8 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
 
 /// With little parallax, a wrong direction of the translation agrees with most pairs if the
 /// rotation makes up for it. Sampling stops at such a motion, and the fit cannot leave it. On a
-/// plane, the second motion of its homography agrees, too. So the fit starts from all of these.
+/// plane, the second motion of its homography agrees, too. So the fit also starts from other
+/// motions.
 void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoViewInput& input) {
   static const Eigen::Vector3d directions[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
                                                {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
@@ -241,7 +242,7 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
 }
 
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  constexpr double kLeastDistance = 0.5;  // px; else exact points make anything significant
+  constexpr double kLeastDistance = 0.5;  // px; otherwise exact points make anything significant
   constexpr double kLeastParallax = 0.2;  // px; lens and shutter distort images by this much
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
@@ -260,8 +261,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Evidence for parallax: how many errors from the homography would be as near to the epipolar
-  // lines if their directions were random? Given the homography, two pairs determine the epipole.
+  // Evidence for parallax: errors from the homography that are nearer to the epipolar lines than
+  // errors with random directions. Given the homography, two pairs determine the epipole.
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
@@ -286,8 +287,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Whether noise, and the errors that all points share, explain how the homography differs from the
-/// homography of a turn. If so, the translation that it implies does not count.
+/// Whether noise, and the errors that all points share, explain how the homography differs from
+/// that of a turn. If so, the translation that the homography implies does not count.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
   constexpr double kPoor = 10.0;     // errors of a poor calibration, as a multiple of shared_error
@@ -305,8 +306,9 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
 /// inliers lie in one region. Then a moving object there may be mistaken for depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
-  constexpr double kErrors = 4.0 * 1.5;  // scales of Sampson distances; 1.5 for two coordinates
-  constexpr double kLeastScale = 0.1;    // px
+  // Limit in scales of Sampson distances; times 1.5, since the errors here have two coordinates.
+  constexpr double kErrors = 4.0 * 1.5;
+  constexpr double kLeastScale = 0.1;  // px
   constexpr std::size_t kFew = 8;
   constexpr double kOutside = 0.1;  // share of the moving pairs that is cut off on each side
   constexpr double kResting = 0.3;  // largest share of resting pairs among all pairs in the region
@@ -376,7 +378,7 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
-  constexpr double kOfSampson = 2.0;  // to include errors of both images and along the line
+  constexpr double kOfSampson = 2.0;  // includes errors of both images and errors along the line
   const bool is_epipolar = result.geometry == Geometry::epipolar;
   angles.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -405,9 +407,10 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   result.pose_covariance.bottomRightCorner<3, 3>() += kEven * step * step.transpose();
 }
 
-/// The unit of the translation of a turn is the distance of the scene. The residuals may be
-/// parallax, whose mean looks like a turn. For depths of 3 to 12, the mean is 2.2 times the
-/// scatter, and Student's scale is 0.8 times the scatter, so the mean is about three scales.
+/// Covariance of a turn, with the translation in units of the distance of the scene. The residuals
+/// of the turn may be parallax. The mean parallax looks like a turn. For depths of 3 to 12, it is
+/// 2.2 times the scatter of the parallax, and the scale of Student's t distribution is 0.8 times
+/// this scatter. So the mean parallax is about three scales.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
   const double unseen = kMeanOfScale * turn.scale();
@@ -484,7 +487,7 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.2;   // least weight of a motion, as probabilities are not exact
+  constexpr double kLeast = 0.2;   // least weight of another motion: probabilities are not exact
   constexpr double kApart = 25.0;  // squared deviations; a nearer motion counts as the same
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
@@ -508,7 +511,7 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // Covers that the difference of two unit vectors is shorter than the arc between them.
+    // The difference of unit vectors is shorter than the arc (the step), so also cover the gap.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
@@ -587,7 +590,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   return true;
 }
 
-/// The reason why another motion is nearly as likely, for a scene with depth.
+/// Why another motion is nearly as likely, in a scene with depth.
 Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
   constexpr double kSmallParallax = 1.0;  // degrees; below this, ORB-SLAM does not start a map
   if (result.parallax < kSmallParallax) return Doubt::small_parallax;
@@ -595,9 +598,10 @@ Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
                                                          : Doubt::other_motion;
 }
 
-/// Calibrated cameras have shared errors of 0.02 to 0.06 px. The median of e'S^-1e should be 4.35.
-/// With 0.05 px it is 1.0 to 3.0 on six drawn scenes with a translation, and 3.6 to 4.8 on KITTI
-/// and Strecha. With 0.5 px it is 0.04 to 1.9 on the drawn scenes.
+/// Calibrated cameras have a shared_error of 0.02 to 0.06 px. With the covariance S and the error e
+/// of the motion (5 degrees of freedom), the median of e'S^-1e should be 4.35. With a shared_error
+/// of 0.05 px it is 1.0 to 3.0 on six drawn scenes with a translation, and 3.6 to 4.8 on KITTI and
+/// Strecha. With 0.5 px it is 0.04 to 1.9 on the drawn scenes, so the covariance is too large.
 TwoViewOptions TwoViewOptions::realCameras() {
   TwoViewOptions options;
   options.shared_error = 0.05;

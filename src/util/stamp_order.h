@@ -17,12 +17,12 @@ class StampOrder {
  public:
   struct Place {
     bool is_apart = false;   ///< this stamp was set apart, not accepted
-    bool restarted = false;  ///< the sequence begins anew with the previous stamp (set apart)
+    bool restarted = false;  ///< the previous stamp, set apart, begins a new sequence
     /// The newest accepted stamp was wrong, the stamp set apart is right; the sequence continues.
     bool was_one_ahead = false;
   };
 
-  /// `longest`: a stamp more than this time, ns, after the newest stamp is set apart.
+  /// A stamp that is more than `longest`, ns, after the newest accepted stamp is set apart.
   Place next(std::int64_t stamp,
              std::uint64_t longest = std::numeric_limits<std::uint64_t>::max()) {
     Place place;

@@ -39,8 +39,8 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Largest standard deviation at an image corner, px: computed for both images, and the smaller
-/// value of the two is returned.
+/// Largest standard deviation at an image corner, px: in the target or in the reference, whichever
+/// is smaller.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -49,10 +49,11 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
   return std::min(deviation.target, deviation.reference);
 }
 
-/// The aligned homography is the answer unless the keypoints determine the corners of the image
-/// better. This happens if patches could be aligned only in a small part of the image, or scatter
-/// like keypoints. The smooth errors of aligned points come from the scene, and keypoints have the
-/// same errors. So the shared covariance of the candidate is not counted.
+/// Whether the aligned homography `candidate` replaces the homography `before`, which comes from
+/// keypoints. It does not if the keypoints determine the corners of the image better. This happens
+/// if patches could be aligned only in a small part of the image, or scatter like keypoints. The
+/// shared covariance of the candidate is left out, because the smooth errors of aligned points come
+/// from the scene, and keypoints have the same errors.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,

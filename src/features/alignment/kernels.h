@@ -27,8 +27,8 @@ struct AffineWalk {
   std::int32_t x_row, y_row;        ///< step to the next row
 };
 
-/// A smoothed patch of the reference and its derivatives with respect to x and y. From each of the
-/// three, the mean is subtracted.
+/// A smoothed patch of the reference and its derivatives with respect to x and y, each with its
+/// mean subtracted.
 struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
@@ -54,8 +54,8 @@ struct AlignmentKernels {
   void (*warp)(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk,
                float* patch);
 
-  /// Smooths the patch (binomial of five, sigma 1), computes its derivatives, and sums up their
-  /// products.
+  /// Smooths the patch (binomial filter with five taps, sigma 1), computes its derivatives, and
+  /// sums up their products.
   void (*prepare)(const float* patch, PatchTemplate& out);
 
   /// Smooths kRawWindowSide rows and columns, starting at `pixel`, into kWindowSide rows of

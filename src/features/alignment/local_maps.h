@@ -11,7 +11,7 @@
 
 namespace ktgp_orb::alignment {
 
-/// Computes for each match the affine map of its surroundings from the reference to the target. No
+/// Computes the affine map from the reference to the target in the neighbourhood of each match. No
 /// homography is needed. Keeps its buffers.
 class LocalMaps {
  public:

@@ -47,10 +47,10 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Apparent shift of a patch, px of the target. It is the mean of the second-order part of H over
-/// the patch, and differs from zero because H is not affine. `back`: inverse of H's Jacobian at the
-/// middle of the patch, which warps it; `w`: third coordinate of the mapped middle; `side`: sides
-/// of the patch, px of the target.
+/// Apparent shift of a patch, px of the target, because the patch is warped by an affine map but H
+/// is not affine. It is the mean of H's second-order terms over the patch. `back`: the affine warp,
+/// i.e. the inverse of H's Jacobian at the patch centre; `w`: third homogeneous coordinate of the
+/// mapped centre; `side`: side lengths of the patch, px of the target.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -71,7 +71,7 @@ bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
                                  double reach) {
-  constexpr double kMaxStretch = 4.0;  // largest stretch between the two levels
+  constexpr double kMaxStretch = 4.0;  // largest stretch or compression between the two levels
   AlignedPatch result;
   if (!((homography * point.homogeneous()).z() > 0.0)) return result;
   const Eigen::Matrix2d full = homography::jacobianByPoint(homography, point);
@@ -144,7 +144,7 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
 /// Second moments of the derivatives of a patch, with gain and bias projected out.
 struct Texture {
-  double sx, sy;  // the parts of the derivatives that a gain explains are sx t and sy t
+  double sx, sy;  // a gain explains the parts sx t and sy t of the derivatives
   double xx, xy, yy;
   double determinant;
 
@@ -164,8 +164,8 @@ struct Texture {
   }
 };
 
-/// The upper left pixel of the window in which a patch can move whose upper left corner is
-/// `corner`; empty if the window leaves the image.
+/// Upper left pixel of the search window for a patch with the upper left corner `corner`; empty if
+/// the window leaves the image.
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
   constexpr double kFar = 1e6;     // beyond any image, but small enough for an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window

@@ -22,10 +22,9 @@ enum class PatchOutcome : std::uint8_t {
 struct AlignedPatch {
   PatchOutcome outcome = PatchOutcome::outside;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, centre of the patch
-  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, position of the patch's centre
+  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, where this centre was found
   double correlation = 0.0;                             ///< NCC², 0..1
-  /// Variance of the position per coordinate, px², that is due to the rounding of grey values to
-  /// integers.
+  /// Variance of each coordinate of the position, px², caused by rounding grey values to integers.
   double rounding2 = 0.0;
 };
 
@@ -37,7 +36,7 @@ class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// Sets the grey image pyramids, level 0 first. They are stored by reference. Returns false if a
+  /// Sets the grey image pyramids, level 0 first. Keeps only pointers to them. Returns false if a
   /// pyramid has no image, so that nothing can be aligned.
   bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 

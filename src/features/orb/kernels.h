@@ -14,8 +14,8 @@ constexpr int kVectorSlack = 64;
 
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
-/// Side of a keypoint's patch on its pyramid level, in px. The keypoints of level 0 have this size,
-/// too.
+/// Side of a keypoint's patch on its pyramid level, in px. It is also the size (cv::KeyPoint::size)
+/// of keypoints of level 0.
 constexpr int kPatchSize = 2 * kOrientationRadius + 1;
 /// Radius of the blur before the descriptor, in px.
 constexpr int kBlurRadius = 3;
@@ -43,9 +43,9 @@ struct ResizeBlock {
 struct OrbKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Linear interpolation along a row into `count` blocks of values in units of 1/256. The taps
-  /// must be 0..15 (in plain C++ they may be larger), and 16 bytes from the start of each block on
-  /// must be readable.
+  /// Interpolates linearly along a row and writes `count` blocks of values, in units of 1/256. The
+  /// taps must be 0..15 (in plain C++ they may be larger), and 16 bytes of the row must be readable
+  /// from the start of each block on.
   void (*resize_row)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
                      std::uint16_t* out);
   /// Interpolates between two rows of resize_row, with the weight `weight`/256 for the row below,

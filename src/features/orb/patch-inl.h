@@ -115,7 +115,7 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  // Error of row * stride + column, modulo 2^32, if row and column still contain kRounderBits.
+  // Excess of row * stride + column (mod 2^32), since row and column still contain kRounderBits.
   hn::Vec<Offsets> surplus_;
 };
 

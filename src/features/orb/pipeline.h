@@ -27,8 +27,8 @@ class OrbPipeline {
   bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
-  /// Rows of one pyramid level in which one task finds corners and which it blurs, with the buffers
-  /// of the task.
+  /// Rows of one pyramid level, and the buffers of the task that finds their corners and blurs
+  /// them.
   struct Band {
     int level = 0;
     int first_row = 0;

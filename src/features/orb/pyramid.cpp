@@ -27,7 +27,7 @@ std::pair<int, int> tapAt(int i, int source, int target) {
   return {first, cvRound((position - first) * 256)};
 }
 
-// Divides a length by `scale`. Halves are rounded to even numbers, as in all levels of the pyramid.
+// Divides a length by `scale` and rounds it, halves to even. All levels of the pyramid use this.
 int scaled(int length, float scale) {
   return cvRound(length * (1.f / scale));
 }

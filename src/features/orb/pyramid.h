@@ -62,9 +62,9 @@ class OrbPyramid {
  public:
   OrbPyramid(int features, double scale_factor, int levels, int first_level);
 
-  /// Sets `first_level` (without a copy), computes the larger levels from it, and sets the sizes of
-  /// the smaller levels. Levels that are too small for a keypoint are at the end of the list and
-  /// are not used.
+  /// Sets level `first_level` to `image` (without a copy), computes the larger levels from it, and
+  /// sets the sizes of the smaller levels. Levels that are too small for a keypoint are at the end
+  /// of the list and are not used.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
   /// Computes the levels after `first_level`, each from the previous one.
   void shrink(const OrbKernels& kernels);

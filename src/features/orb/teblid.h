@@ -39,7 +39,7 @@ class TeblidDescriber {
   std::vector<float> sizes_;
   const OrbKernels* kernels_;
   cv::Mat integral_;
-  // One for each octave; valid only for the row length of integral_.
+  // One entry for each octave; valid only for the row length of integral_.
   std::vector<TeblidScale> scales_;
 };
 

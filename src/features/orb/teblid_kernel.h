@@ -25,7 +25,7 @@ struct TeblidOrder {
   alignas(64) float v[2 * kTeblidBits];
   /// Position of each bit in the descriptor: 8 * byte + bit, counted from the lowest bit.
   std::uint8_t place[kTeblidBits];
-  /// Index after the last pair of boxes with radius r.
+  /// end[r]: index after the last pair of boxes with radius r.
   std::int16_t end[kTeblidRadii + 1];
 };
 
@@ -74,7 +74,7 @@ struct TeblidPlacement {
   float y_from_u, y_from_v, y;
 };
 
-/// Whether all boxes of a keypoint are surely inside the image. The farthest corner of a box is at
+/// True only if all boxes of a keypoint are inside the image. The farthest corner of a box is at
 /// most 0.7 * size from the keypoint, and rounding adds up to 2 px to this distance.
 inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
   constexpr float kMargin = 1.75f / 2;

@@ -39,8 +39,8 @@ void CellPairs::count(const Grid& target, const Grid& reference,
   pairs_.push_back({reference.noCell(), target_order_.begin(target.noCell())});
 }
 
-/// Returns the cell pair of the target cell with the most matches; the first such pair if several
-/// have equally many.
+/// Of the cell pairs of the target cell, returns the pair with the most matches. If several pairs
+/// have this number of matches, returns the first of them.
 std::uint32_t CellPairs::bestOf(std::uint32_t target_cell) const {
   std::uint32_t best = first_pair_[target_cell];
   for (std::uint32_t pair = best + 1; pair < first_pair_[target_cell + 1]; ++pair) {

@@ -75,8 +75,9 @@ class CellPairs {
              const std::vector<std::uint32_t>& reference_cells,
              const std::vector<std::uint32_t>& target_cells);
 
-  /// Decides on the best pair of each target cell, and adds the result to the votes of the matches
-  /// in this pair. Only the first `rotations` rotations are tried. `threshold`: T_G.
+  /// Finds the best pair of each target cell and the rotations that support it, and adds both to
+  /// the votes of the matches in this pair. Only the first `rotations` rotations are tried.
+  /// `threshold`: T_G, see GmsOptions::threshold.
   void vote(double threshold, unsigned rotations, Votes& votes) const;
 
  private:

@@ -16,8 +16,8 @@ using util::requireInRange;
 
 using gms::Grid;
 
-// The scales are in the order of the authors' program, since the first of two scales that keep
-// equally many matches wins.
+// The scales have the same order as in the authors' program, because the order decides: if two
+// scales keep the same number of matches, the first one wins.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {

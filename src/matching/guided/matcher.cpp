@@ -32,7 +32,8 @@ struct GuidedMatcher::Impl {
   knn::NearTable table;             // predicted positions, sorted into cells for the search
   // Keys of the two most similar reference keypoints, for each target keypoint.
   std::vector<knn::NearKeys> of_target;
-  // Key of the most similar target keypoint, for each column of the table.
+  // For each reference keypoint, the key of the most similar target keypoint; the index is
+  // table.column(keypoint).
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
   std::vector<Eigen::Vector2d> reference_points;  // reference position of each match

@@ -20,7 +20,7 @@ void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* g
   const int first = h * lanes;
   const int end = std::clamp(reference.rows, first, first + lanes);
   for (int candidate = first; candidate < end; ++candidate) {
-    // A copy, which the compiler knows not to alias the column.
+    // Copy the descriptor, so that the compiler knows that it does not alias the column.
     std::uint8_t descriptor[kDescriptorBytes];
     std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
     std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;

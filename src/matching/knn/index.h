@@ -22,8 +22,8 @@ class NearestQueries {
 
   /// The keys of the current chunk (see kernel.h), one per candidate.
   std::int16_t* keys() { return reinterpret_cast<std::int16_t*>(keys_.front().bytes); }
-  /// Takes in the keys of the chunk whose first query is `first_query`, and clears them. A thread
-  /// must process its chunks in ascending order.
+  /// Updates the nearest queries with the keys of the chunk that begins with query `first_query`,
+  /// and resets the keys. A thread must process its chunks in ascending order.
   void takeChunk(int first_query);
   /// Merges the result of another thread.
   void take(const NearestQueries& other);

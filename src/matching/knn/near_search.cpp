@@ -21,7 +21,8 @@ namespace {
 using util::ceilDivide;
 using util::ThreadPool;
 
-// Maximum number of runs. A query touches fewer rows of cells, and rounding may add one row.
+// Maximum number of runs of a query. Each row of cells has one run, and a query touches fewer rows
+// than this, even if rounding adds a row.
 constexpr std::size_t kMaxRuns = 8;
 
 constexpr int kQueriesPerChunk = 64;  // number of queries per task of a thread

@@ -20,8 +20,8 @@ std::size_t filterByRatio(double threshold, std::vector<Correspondence>& corresp
   std::size_t kept = 0;
   for (Correspondence& c : correspondences) {
     if (mutual && !c.mutual) continue;
-    // The test compares the quotient W, because the product in d1 < T_w * d2 is rounded differently
-    // if W = T_w.
+    // Compare the quotient W with T_w. The test d1 < T_w * d2 could give another result if W = T_w,
+    // because its product is rounded differently.
     if (c.level != Level::knn || c.ratio() >= threshold) continue;
     c.level = Level::kt;
     ++kept;

@@ -10,8 +10,8 @@
 namespace ktgp_orb::knn {
 namespace {
 
-// Number of queries per task of a thread. It is large enough to read a block from the cache many
-// times, and small enough to divide a frame evenly among the threads.
+// Number of queries per task of a thread. It is large enough that a block is read from the cache
+// many times, and small enough that a frame can be divided evenly among the threads.
 constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 
@@ -33,8 +33,8 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
     c.second_distance = distance;
     return;
   }
-  // Candidates with equal keys are in the same half group. The first of their lanes has the
-  // candidate with the lowest index.
+  // A key contains the half group, so candidates with equal keys belong to the same half group (see
+  // kernel.h). Of these, the first lane holds the candidate with the lowest index.
   const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
   keys.best[lane] = keys.second[lane];
   c.second_distance = std::min(c.distance, minimum(keys.best, lanes) >> kKeyNumberBits);

@@ -22,8 +22,8 @@ class KnnSearch {
   util::ThreadPool& pool() { return pool_; }
 
  private:
-  /// Searches the nearest neighbours of the queries of one chunk; in both directions if
-  /// `nearest_queries` is not null.
+  /// Finds the nearest neighbours of the queries of one chunk. If `nearest_queries` is not null,
+  /// also searches in the other direction.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);
 
