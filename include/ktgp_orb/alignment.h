@@ -58,7 +58,7 @@ struct AlignmentResult {
   std::size_t beyond_reach = 0;
   std::size_t uncorrelated = 0;  ///< number of patches that look different at the new position
   /// Root mean square distance over `points` between the aligned position and the position that the
-  /// homography predicts, px; `before` with the given homography, `after` with `answer`.
+  /// homography predicts, px. `rmse_before` is for the given homography, `rmse_after` for `answer`.
   double rmse_before = 0.0;
   double rmse_after = 0.0;
 };

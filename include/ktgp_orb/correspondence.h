@@ -19,7 +19,7 @@ enum class Level : std::uint8_t {
   guided = 4,
 };
 
-/// A target feature and the reference feature nearest to it.
+/// A target feature and the reference feature whose descriptor is nearest.
 struct Correspondence {
   /// Index of the keypoint in the reference frame. It is -1 (only at Level::knn) if matchNear found
   /// no keypoint near enough.
@@ -29,9 +29,9 @@ struct Correspondence {
   /// Hamming distance d2 to the second nearest descriptor, d1..256.
   std::int32_t second_distance = 0;
   Level level = Level::knn;
-  /// Whether the target feature is also the nearest to the reference feature. It is computed only
-  /// if MatcherOptions::mutual is on, or if growth is on and the whole image is searched; otherwise
-  /// it is false.
+  /// Whether the target descriptor is also the nearest to the reference descriptor. It is computed
+  /// only if MatcherOptions::mutual is on, or if growth is on and the whole image is searched;
+  /// otherwise it is false.
   bool mutual = false;
 
   /// W = d1/d2 (Eq. 3), which is also PROSAC's quality (Eq. 6, smaller is better). W is 1 if two

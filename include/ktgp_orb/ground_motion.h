@@ -45,8 +45,7 @@ struct TurnReading {
   double age = 0.0;
 };
 
-/// Text that says what is wrong with a reading and what to do about it; empty if the reading is
-/// usable.
+/// Says what is wrong with a reading and what to do about it; empty if the reading is usable.
 std::string whyUnusable(const HeightReading& reading);
 std::string whyUnusable(const DownReading& reading);
 std::string whyUnusable(const TurnReading& reading);
@@ -86,8 +85,8 @@ struct GroundMotionOptions {
   /// angular acceleration, rad/s², >= 0; only used during a gap.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
-  /// Upper limit of the standard deviation of the normal, rad, > 0. As long as it is exceeded, no
-  /// motion is reported.
+  /// Upper limit of the standard deviation of the normal, rad, > 0. While the deviation is larger,
+  /// no motion is reported.
   double max_tilt_deviation = 0.1;
 };
 
@@ -99,11 +98,11 @@ enum class GroundStatus : std::uint8_t {
   /// the reference is the frame directly before this frame.
   resumed = 2,
   no_homography = 3,  ///< no homography was found
-  no_covariance = 4,  ///< the homography has no usable covariance, so nothing can be weighted
+  no_covariance = 4,  ///< the homography has no usable covariance, so it cannot be weighted
   no_height = 5,      ///< no height has been given yet
   /// No normal has been given, and the motion does not determine the normal yet.
   no_normal = 6,
-  contradiction = 7,  ///< the homography implies a jump from the earlier frames; it is not used
+  contradiction = 7,  ///< the homography is not used, because it would mean a jump
   /// The stamp is older than the previous frame's stamp. A single frame with an older stamp is left
   /// out. If the next frame continues from the older stamp, the recording was looped or a clock was
   /// set, and the motion begins anew.
@@ -146,8 +145,9 @@ std::string troubleOf(const ImuMounting& imu);
 /// Position and velocity of the vehicle's base.
 struct GroundEstimate {
   GroundStatus status = GroundStatus::no_homography;
-  /// Transform from the base frame to the odometry frame. In the odometry frame the ground is z =
-  /// 0, and z points up. At the start the base is above the origin, and its x axis points along x.
+  /// Transform from the base frame to the odometry frame. In the odometry frame, the ground is the
+  /// plane z = 0, and the z axis points up. At the start, the base is above the origin, and its x
+  /// axis points along the frame's x axis.
   Pose3 base_to_odometry = Pose3::Identity();
   /// Covariance of x, y, z (m) and of small rotations about the axes of the odometry frame (rad).
   Covariance6 pose_covariance = Covariance6::Zero();
@@ -193,14 +193,14 @@ struct GroundEstimate {
 
 /// Estimates from homographies the metric motion of a calibrated camera that looks at flat ground.
 ///
-/// A keyframe serves as a map of the ground: it has the homography G from the keyframe's image to
-/// metres on the ground, and the covariance of G. The homography H from the keyframe to a frame
-/// then depends on the frame's pose: H ~ M(pose) G, which is R + t n'/d for the plane seen from the
-/// keyframe (Malis & Vargas 2007; Hartley & Zisserman 2004, ch. 13). The most likely pose is found
-/// by Gauss-Newton over the six parameters of the pose, together with the parameters of G and of
-/// the previous pose. H and the readings are weighted by their covariances. G keeps the scale and
-/// the tilt from the readings and passes them on to the next keyframe, so errors of single readings
-/// average out. If no normal is given, the motion determines the normal.
+/// A keyframe serves as a map of the ground. It consists of the homography G, which maps the
+/// keyframe's image to metres on the ground, and of the covariance of G. The homography H from the
+/// keyframe to a frame then depends on the frame's pose: H ~ M(pose) G, which is R + t n'/d for the
+/// plane seen from the keyframe (Malis & Vargas 2007; Hartley & Zisserman 2004, ch. 13). The most
+/// likely pose is found by Gauss-Newton over the six parameters of the pose, together with the
+/// parameters of G and of the previous pose. H and the readings are weighted by their covariances.
+/// G keeps the scale and the tilt from the readings and passes them on to the next keyframe, so
+/// errors of single readings average out. If no normal is given, the motion determines the normal.
 ///
 /// More than half of the noise of H comes from the image of the keyframe and is common to all
 /// homographies from that keyframe. This part of the noise belongs to G.
@@ -215,8 +215,7 @@ class GroundMotion {
   GroundMotion& operator=(GroundMotion&&) noexcept;
 
   const GroundMotionOptions& options() const;
-  /// The new options apply from the next frame on. Throws like the constructor; then nothing
-  /// changes.
+  /// The new options apply from the next frame on. Throws like the constructor, without any change.
   void setOptions(const GroundMotionOptions& options);
 
   /// Adds the next frame. The reference is the previous frame or the reference of the previous

@@ -53,7 +53,7 @@ struct GrowthResult {
   /// Number of pairs that support the most significant homography. At most one pair in each square
   /// of 12x12 px counts.
   std::size_t support = 0;
-  /// Number of supporting pairs expected by chance, measured with the decoys.
+  /// Number of such pairs expected by chance, measured with decoys (see HomographyGrowth).
   double by_chance = 0.0;
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int seeds = 0;                  ///< number of seeds tried
@@ -79,7 +79,7 @@ struct GrowthStart {
 /// 3. Growth: the seed and its voters give an affine map. Guided matching around the seed finds
 ///    more matches, the map is fitted again, and the region grows; this is repeated ten times. With
 ///    twelve matches or more, the map is a homography.
-/// 4. Verdict: the homography shifted by 20 and 45 px in 24 directions each (decoys) shows how many
+/// 4. Verdict: decoys (the homography shifted by 20 and 45 px in 24 directions each) show how many
 ///    matches arise by chance with these images and descriptors in this region. The a-contrario
 ///    bound takes account of the number of seeds and of possible maps (see src/growth/verdict.h).
 ///    The homography must also pass the test that PROSAC's homographies must pass (see

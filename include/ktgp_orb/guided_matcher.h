@@ -36,20 +36,20 @@ class GuidedMatcher {
 
   /// `homography`: reference to target, px. `matches` is set to the mutual nearest pairs within the
   /// radius, in target order, with Level::guided. If distances are equal, the keypoint with the
-  /// lower index counts as nearest. `second_distance` is the distance to the next reference
-  /// keypoint within the radius, or 256.
+  /// lower index counts as nearest. `second_distance`: distance to the second nearest descriptor
+  /// within the radius, or 256.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 
   /// One guided round after a homography was found: matches as match() does, and estimates the
   /// homography again from all these matches. The new estimate must have at least as many matches
   /// within `threshold` px as the old estimate, or half as many with `by_cell`. If the old estimate
-  /// shows the whole reference from one side, the new estimate must do so, too. If these conditions
-  /// hold, the new estimate replaces `estimate`, and the function returns true. `by_cell`: matches
-  /// that are close together count as one in the estimate. Without this, the part of the scene with
-  /// the most matches would determine the estimate alone, and this part may be slightly off the
-  /// plane of the rest. `matches`: all matches found, including those that disagree with the
-  /// estimate.
+  /// shows the plane from one side over the whole reference, the new estimate must do so, too. If
+  /// these conditions hold, the new estimate replaces `estimate`, and the function returns true.
+  /// `by_cell`: matches that are close together count as one in the estimate. Without this, the
+  /// part of the scene with the most matches would determine the estimate alone, and this part may
+  /// be slightly off the plane of the rest. `matches`: all matches found, including those that
+  /// disagree with the estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

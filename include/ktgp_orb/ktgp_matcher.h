@@ -146,9 +146,8 @@ struct MatchResult {
   AlignmentResult alignment;
 
   /// The geometry that explains the matches. For plane and rotation, `answer` has the homography.
-  /// For epipolar, no homography explains all matches, and `answer` is zero. In this case,
-  /// `two_view` has the geometry. Then the levels, `inliers` and `rmse` (of Sampson distances)
-  /// refer to that geometry.
+  /// For epipolar, no homography explains all matches, and `answer` is zero; `two_view` then has
+  /// the geometry, and the levels, `inliers` and `rmse` (of Sampson distances) refer to it.
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 

@@ -46,7 +46,7 @@ double matchedShare(std::size_t matches, const Features& reference, const Featur
 
 /// Maps x by H, in pixels; infinite if x is on the horizon or behind it. H may have any scale and
 /// sign, and the origin of the image may be behind the horizon. A mirrored view (det H < 0 where
-/// the plane is seen) is detected only for an affine H.
+/// the plane is seen) is mapped correctly only if H is affine.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x);
 
 /// Distance in px between the target keypoint of each match and the position that `homography`
@@ -66,15 +66,15 @@ double precision(const std::vector<double>& errors, double threshold);
 double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& truth,
                    const cv::Size& reference_size);
 
-/// Area under the curve of the share of pairs with a corner error of at most x, for x from 0 to
-/// `threshold`, divided by `threshold`. It is 1 if all errors are zero. For a pair that failed,
-/// pass an infinite error. Uses the trapezoid rule, as SuperGlue's pose_auc (Sarlin et al., CVPR
-/// 2020) and LoFTR do: straight lines join the sorted errors, starting at (0, 0), and the curve is
-/// level after the last error below `threshold`. The area under the exact step curve is smaller by
-/// up to 1/(2 n) for n pairs, which is 3.3 % for 15 pairs.
+/// Area under the curve from 0 to `threshold`, divided by `threshold`; 1 if all errors are zero.
+/// The curve at x is the share of image pairs with a corner error of at most x px. `errors`: corner
+/// error of each image pair, px; infinite if no homography was found. Uses the trapezoid rule like
+/// SuperGlue's pose_auc (Sarlin et al., CVPR 2020) and LoFTR: straight lines join the sorted
+/// errors, starting at (0, 0), and the curve is level after the last error below `threshold`. The
+/// area under the exact step curve is smaller by up to 1/(2 n) for n pairs (3.3 % for 15 pairs).
 double areaUnderCurve(const std::vector<double>& errors, double threshold);
 
-/// Counts of Mikolajczyk's repeatability.
+/// Keypoint counts for Mikolajczyk's repeatability, see detectorRepeatability().
 struct Repeatability {
   /// Number of reference keypoints that the target image also shows.
   std::size_t reference_common = 0;
@@ -89,10 +89,11 @@ struct Repeatability {
 
 /// Counts how many keypoints the detector finds again, regardless of the descriptors (Mikolajczyk
 /// et al., "A comparison of affine region detectors", IJCV 2005). The region of a keypoint is a
-/// disc whose diameter is the keypoint's size. Both regions are first scaled so that the reference
-/// region has a radius of 30 px in the target image. The keypoint is repeated if then 1 -
-/// intersection/union is at most `max_overlap_error`. `truth` maps reference to target. Pairs with
-/// a larger overlap are formed first.
+/// disc whose diameter is the keypoint's size. Before the comparison, both regions are scaled so
+/// that the reference region has a radius of 30 px in the target image. The keypoint is repeated if
+/// 1 - intersection/union of the scaled regions is at most `max_overlap_error`. Each keypoint joins
+/// at most one pair; pairs with the largest overlap are formed first. `truth` maps reference to
+/// target.
 Repeatability detectorRepeatability(const Features& reference, const Features& target,
                                     const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
 

@@ -16,14 +16,15 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// Size at which the mosaic stops growing, 10^6 px, 1..1000. The part that is already covered is
-  /// still updated. Each pixel takes five bytes, and up to twelve more bytes for the keyframes.
+  /// Largest size of the mosaic, 10^6 px, 1..1000. At this size it stops growing, but the part that
+  /// is already covered is still updated. Memory per pixel: five bytes for the map, and up to
+  /// twelve bytes for the keyframes.
   double max_megapixels = 64.0;
   /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, a frame is
   /// placed by the product of the given homographies, whose errors add up.
   bool keyframes = true;
-  /// Whether the brightness of a frame is scaled by one factor to fit the map. This avoids steps
-  /// when the exposure changes or a cloud passes.
+  /// If true, the brightness of each frame is scaled by one factor to match the map. This avoids
+  /// steps when the exposure changes or a cloud passes.
   bool gain = true;
   OrbOptions orb;
   MatcherOptions matcher = MatcherOptions::robust();
@@ -66,11 +67,12 @@ struct Panorama {
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
 ///
 /// A frame is drawn if the view has moved by at least 3 % of its width. The newest frame is also
-/// drawn when image() is called or the map is finished. If a frame is not connected to the map,
-/// this frame and the next frames are searched for in the map for a second, and for at least three
-/// frames, before a new map begins. The coordinates of the map are the pixels of its first frame,
-/// continued on all sides. If the camera has only turned, by more than 20 degrees, the map has the
-/// coordinates of a Panorama. An instance belongs to one thread at a time.
+/// drawn when image() is called or the map is finished. If a frame cannot be connected to the map,
+/// this frame and the next frames are searched for in the map. A new map begins only if this fails
+/// for a second, and for at least three frames. The coordinates of the map are the pixel
+/// coordinates of its first frame, extended beyond the frame on all sides. If the camera has only
+/// turned, by more than 20 degrees, the map is drawn on the cylinder of a Panorama. An instance
+/// belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -83,9 +85,9 @@ class Mosaic {
   /// The new options apply from the next frame on; the map stays. Throws like the constructor.
   void setOptions(const MosaicOptions& options);
 
-  /// K of the images, px, without distortion; empty if it is not known. It is used for the next
-  /// map, and for the current map as long as this map is a plane. Without K, a panorama is possible
-  /// only if the homographies determine K.
+  /// K of the images without distortion, px; empty if it is not known. Applies to the next map, and
+  /// to the current map if this map is still a plane. Without K, a panorama is possible only if the
+  /// homographies determine K.
   void setCamera(const std::optional<Eigen::Matrix3d>& camera);
 
   /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call it for
@@ -96,7 +98,7 @@ class Mosaic {
   /// std::invalid_argument for an image of another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
-  /// Sets a function that gets the old map, as image() returns it, before a new map replaces it.
+  /// Sets a function that is called with the old map (see image()) before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
   /// Pose of the last frame given to place(): the homography from the first frame of the map to
@@ -127,10 +129,10 @@ class Mosaic {
   bool full() const;          ///< whether a part was not drawn because max_megapixels is reached
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps that were begun
-  /// Distance of the points of the newest frames from the plane of their keyframes, px: the running
-  /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
+  /// How far the scene of the newest frames deviates from a plane, px: the running mean of
+  /// UncertainHomography::plane_deviation of their matches to keyframes; 0 without keyframes.
   double planeDeviation() const;
-  /// Whether planeDeviation() is so large that near or high objects are drawn several times.
+  /// Whether planeDeviation() is large enough to draw near or high objects several times.
   bool hasParallax() const;
 
   void reset();

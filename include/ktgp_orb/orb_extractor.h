@@ -20,7 +20,7 @@ enum class KeypointDistribution : std::uint8_t {
   uniform,
 };
 
-/// Whether the images that the features were found in are kept.
+/// Whether and how the features keep their image (Features::images).
 enum class ImageKeeping : std::uint8_t {
   none,   ///< Features::images stays empty, so sub-pixel alignment is not possible
   copy,   ///< the image is copied and its pyramid kept
@@ -32,16 +32,16 @@ struct OrbOptions {
   int max_features = 2000;    ///< maximum number of keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< number of pyramid levels, 1..16
-  /// Index of the level that is the image itself, in [0, levels - 1], as in cv::ORB. Each level
-  /// before it is larger than the next by scale_factor. The larger levels show details that are too
-  /// small for a patch of 31 px. With TEBLID, the index must be 0.
+  /// Index of the pyramid level that has the size of the image, in [0, levels - 1], as in cv::ORB.
+  /// The levels before it are enlarged copies; each is larger than the next level by scale_factor.
+  /// They show details that are too small for a patch of 31 px. With TEBLID, the index must be 0.
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
   /// If a frame has fewer corners than a quarter of `max_features`, the threshold is halved until
   /// there are enough corners, but not below 5 grey values. All other frames get exactly the same
   /// keypoints as without this option. Not in the paper.
   bool fast_adaptive = false;
-  /// rBRIEF or TEBLID-256. TEBLID is as long, but tolerates more changes of light and viewpoint.
+  /// rBRIEF or TEBLID-256, both 256 bits. TEBLID tolerates larger changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
   /// For the uniform distribution: keypoints per cell if all cells have enough corners, >= 1.

@@ -26,7 +26,7 @@ enum class OverlayStyle : std::uint8_t {
 const char* toString(OverlayStyle style);
 
 /// Draws one pair of frames into `canvas` (8-bit BGR), which gets the size of the target or, for
-/// side_by_side, of both images side by side. The colour shows the last stage that a match passed,
+/// side_by_side, of both images side by side. The colour of a match shows which stage removed it,
 /// in a palette for colour-blind people (Okabe & Ito, 2008): yellow = final, purple = removed by
 /// PROSAC, blue = removed by GMS, grey = removed by the ratio filter. In `flow`, final matches are
 /// strokes and all other matches are dots. In `flow` and side_by_side, a white outline is the

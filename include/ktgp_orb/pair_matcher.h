@@ -13,7 +13,7 @@ struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   /// If true, images of more than a megapixel get more features than OrbOptions::max_features, in
-  /// proportion to their area, up to 8000. Larger images show more details that can be told apart.
+  /// proportion to their area, up to 8000, because larger images show more distinct details.
   bool features_by_area = false;
 
   /// The preset photo, for two photographs of any kind. Of all presets, it succeeds on the largest
@@ -25,16 +25,17 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  /// Maximum number of keypoints per image that was used, see PairOptions::features_by_area.
+  /// Limit that was used for the number of keypoints per image, see PairOptions::features_by_area.
   int max_features = 0;
   double reference_milliseconds = 0.0;  ///< time to find the features of the reference
   double target_milliseconds = 0.0;
   MatchResult match;
 };
 
-/// Matches two images, 8-bit grey. With GrowthOptions::views, views of the reference are simulated
-/// only if no geometry is found without them, because they take longer than everything else. Throws
-/// std::invalid_argument as OrbExtractor and KtgpMatcher do.
+/// Matches two images, 8-bit grey. With GrowthOptions::views, the images are first matched without
+/// simulated views. Views of the reference are simulated only if this finds no geometry, because
+/// they take longer than all other steps. Throws std::invalid_argument as OrbExtractor and
+/// KtgpMatcher do.
 PairMatch matchPair(const cv::Mat& reference, const cv::Mat& target,
                     const PairOptions& options = PairOptions::photo(),
                     const MatchHints& hints = {});

@@ -10,7 +10,7 @@
 
 namespace ktgp_orb {
 
-/// The types are not aligned, so that their layout is the same for every instruction set; see
+/// Eigen's alignment is off, to give these types the same layout for every instruction set; see
 /// Covariance8.
 using Pose3 = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
 using Covariance6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
@@ -26,8 +26,8 @@ struct PlanarPose {
   /// with two degrees of freedom.
   double squared_error = 0.0;
   /// Likelihood of this pose, divided by the sum of the likelihoods of both poses, 0..1; 1 if there
-  /// is no other pose. The scale of the homography's covariance counts only as a rough guess,
-  /// because the covariance does not include, for example, the effect of a wrong K.
+  /// is no other pose. The likelihood assumes that the scale of the homography's covariance is only
+  /// roughly known, because the covariance does not include, for example, the effect of a wrong K.
   double share = 1.0;
 };
 
@@ -44,12 +44,12 @@ struct PlanarPoses {
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014). From each, Levenberg-Marquardt
 /// finds the pose whose homography is nearest to the given homography, weighted by the covariance.
-/// Both starts may lead to the same pose, although the other solution of IPPE is farther away than
-/// the covariance of this pose explains. Then the other solution gives the second pose: its
-/// rotation is kept, and only the position is fitted. There is no pose if the homography does not
-/// show a target in front of the camera, if the covariance is not positive definite, or if neither
-/// start converges. Throws std::invalid_argument for an empty size, and for a width or focal length
-/// that is not positive.
+/// Both fits may end at the same pose, even if the rotation of the other solution of IPPE is an
+/// outlier for the covariance of this pose. Then the second pose keeps the rotation of that
+/// solution, and only its position is fitted. There is no pose if the homography does not show a
+/// target in front of the camera, if the covariance is not positive definite, or if neither start
+/// converges. Throws std::invalid_argument for an empty size, and for a width or focal length that
+/// is not positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);

@@ -52,7 +52,7 @@ struct PointPairs {
 /// The rule that ended the sampling.
 enum class ProsacStop : std::uint8_t {
   not_run,  ///< fewer than four pairs
-  /// A better model, if there were one, would have been found by now with the given confidence.
+  /// With the probability `confidence`, a better model would have been found by now.
   maximality,
   max_iterations,  ///< max_iterations samples were drawn
 };
@@ -108,10 +108,10 @@ double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2
 /// - no_model: no homography agrees with more than the four pairs of its sample;
 /// - model_rejected: chance explains the support of the best homography, or it mirrors the image,
 ///   or its inliers do not determine it. About one in 10 000 sets of random pairs passes the test
-///   against chance, or one in 10^12 if the horizon crosses the reference image. A pair does not
-///   count if it is closer than the threshold to another pair in either image. The inliers do not
-///   determine the homography if it is uncertain by more than 10 px at a corner, or by more than 20
-///   px if a quarter of the inliers is left out.
+///   against chance, or one in 10^12 if the horizon crosses the reference image. In this test, an
+///   inlier counts only if it is farther than the threshold from all inliers counted before, in
+///   both images. The inliers do not determine the homography if it is uncertain by more than 10 px
+///   at a corner, or by more than 20 px if a quarter of the inliers is left out.
 /// The homography maximises the likelihood of the pairs within twice the threshold, whose errors
 /// are assumed to have Student's t distribution. A pair is an inlier in the mask if its
 /// reprojection error is below the threshold.

@@ -25,32 +25,32 @@ enum class ReferenceMode : std::uint8_t {
 
 struct ReferenceOptions {
   ReferenceMode mode = ReferenceMode::previous;
-  /// Longest time since the previous frame, s, > 0; not used in mode fixed.
+  /// Longest gap after the previous frame, s, > 0; see NoReference::gap. Not used in mode fixed.
   double max_age = 1.0;
   /// Share of the target image that a keyframe must cover to stay the reference, 0..1.
   double min_overlap = 0.5;
   /// Number of final matches that a keyframe must give to stay the reference, >= 4.
   int min_inliers = 100;
-  /// In mode fixed: if the shorter side of the reference is below this limit, px, features of the
-  /// reference and of the frames are also searched for in enlarged copies
-  /// (OrbOptions::first_level). The copies are up to four times as large, and at most 2500 px long.
-  /// There are no copies with TEBLID, or if the limit is 0. OpenCV makes the copies, with its own
-  /// threads and a little memory for each frame.
+  /// Only in mode fixed: if the shorter side of the reference is below this limit (px), ORB also
+  /// extracts features from enlarged copies of the reference and of each frame
+  /// (OrbOptions::first_level). The copies are enlarged up to four times, to at most 2500 px on the
+  /// longer side. Has no effect with TEBLID, or if the limit is 0. OpenCV computes the copies; it
+  /// uses its own threads and allocates a little memory for each frame.
   int enlarge_below = 0;
 };
 
-/// Options of the extractor, of the stages and of the reference. The defaults are the paper's
-/// method, which is made for neighbouring frames. A fixed reference may be seen from any viewpoint,
-/// so it needs MatcherOptions::robust() with 13 GrowthOptions::views, and 5000 features with
-/// KeypointDistribution::uniform.
+/// Options of the feature extraction, of the matching and of the choice of the reference. The
+/// defaults are the paper's method, which was designed for neighbouring frames. A fixed reference
+/// may be seen from any viewpoint, so it needs MatcherOptions::robust() with 13
+/// GrowthOptions::views, and 5000 features with KeypointDistribution::uniform.
 struct SequenceOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   ReferenceOptions reference;
-  /// For mode fixed. If true, the views of the reference (GrowthOptions::views) are made in a
-  /// thread of their own, and frames are matched without views until the views are ready. If false,
-  /// the first frame waits for the views, which takes seconds for a large reference, but the
-  /// results do not depend on timing.
+  /// For mode fixed. If true, the views of the reference (GrowthOptions::views) are simulated in a
+  /// separate thread, and frames are matched without views until the views are ready. If false, the
+  /// first frame waits for the views, which takes seconds for a large reference, but the results do
+  /// not depend on timing.
   bool views_in_background = false;
 };
 
@@ -64,10 +64,10 @@ enum class ViewsState : std::uint8_t {
 /// The enumerator's own name, e.g. "being_made".
 const char* toString(ViewsState state);
 
-/// Adapts the options to the sequence: `orb.images` becomes share if alignment is on, otherwise
-/// none. In mode previous, growth is switched off, since a video does not need it. SequenceMatcher
-/// calls this function itself. If you extract features elsewhere, use the same options. (For a
-/// small fixed reference, which is enlarged, SequenceMatcher extracts the features again.)
+/// Returns the options as SequenceMatcher uses them: `orb.images` becomes share if alignment is on,
+/// otherwise none. In mode previous, growth is switched off, since a video does not need it. If you
+/// extract features elsewhere, pass your options through this function, too. (If SequenceMatcher
+/// enlarges a small fixed reference, it extracts the features again.)
 SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The values equal the REASON_ constants in the messages.
@@ -133,20 +133,22 @@ struct SequenceMatch {
   /// Null if there was no reference; see `no_reference`.
   FrameConstPtr reference;
   NoReference no_reference = NoReference::none;  ///< reason why `reference` is null
-  /// Whether the image only repeats the previous image, with the same pixels or compressed anew.
-  /// Some drivers, and videos with a doubled frame rate, repeat images. A repeated image is not a
-  /// new frame: all other fields, `frame` included, keep the result of the previous frame. If an
-  /// image stays the same for longer than earlier images took to change (or for 0.1 s if no image
-  /// has changed yet), the camera stands still, and equal images count as new frames.
+  /// Whether the image only repeats the previous image: its pixels are the same, or they differ
+  /// only because the image was compressed again. Some drivers, and videos with a doubled frame
+  /// rate, repeat images. A repeated image is not a new frame: all other fields, including `frame`,
+  /// keep the result of the previous frame. If an image stays the same for longer than earlier
+  /// images took to change (or for 0.1 s if no image has changed yet), the camera stands still.
+  /// From then on, equal images count as new frames.
   bool repeated = false;
   bool reference_changed = false;  ///< the previous frame had another reference
   MatchResult match;               ///< empty and with status no_reference if there is no reference
   /// Homography from the first frame of an unbroken sequence to this frame; empty at the start, in
-  /// fixed mode and without a homography. The covariance is propagated to first order: noise adds
-  /// up in squares, smooth errors linearly. (The keypoint errors of a frame enter two of the
-  /// multiplied homographies with opposite signs, so the covariance is larger than necessary.) It
-  /// is NaN if a covariance in the chain is NaN. The deviation from a plane is the largest
-  /// deviation in the chain.
+  /// fixed mode and without a homography. The covariance is propagated to first order: the
+  /// variances of the noise add up, and so do the standard deviations of the smooth errors
+  /// (UncertainHomography::shared_covariance). (The covariance is too large, because it ignores
+  /// that the keypoint errors of a frame enter two of the multiplied homographies with opposite
+  /// signs.) It is NaN if a covariance in the chain is NaN. The deviation from a plane is the
+  /// largest deviation in the chain.
   std::optional<UncertainHomography> accumulated;
   std::int64_t first_stamp = 0;  ///< stamp of the first frame of `accumulated`, ns
   /// Number of frames so far for which the search near the predicted positions failed
@@ -156,9 +158,9 @@ struct SequenceMatch {
   double total_milliseconds = 0.0;
 };
 
-/// Whether the features of the two frames are enough to match them, so that a match can be computed
-/// in advance. They are not enough with a search radius or two-view geometry, which need results of
-/// the previous frame, and with growth, which may need views.
+/// Whether two frames can be matched in advance, from their features alone. This is not possible
+/// with a search radius or two-view geometry, which use results of the previous frame, and with
+/// GrowthOptions::views, because growth may need the views of the reference.
 bool canMatchAhead(const MatcherOptions& options);
 
 /// A match that was computed in advance, for example in another thread, to save time later.
@@ -168,12 +170,12 @@ struct MatchAhead {
 };
 
 /// Matches the frames of a camera one after the other. Chooses the reference of each frame, and
-/// multiplies the homographies. If the reference cannot belong to the same sequence as the next
-/// frame, it is dropped; NoReference lists the cases.
+/// multiplies the homographies from frame to frame. If the reference cannot belong to the same
+/// sequence as the next frame, it is dropped; NoReference lists the cases.
 ///
 /// With growth (GrowthOptions) and in fixed mode, the views of the reference are simulated before
 /// its first match. In keyframe and fixed mode, a frame for which PROSAC finds no homography takes
-/// longer, because growth runs; the number of seeds bounds the work.
+/// longer, because growth runs; the number of seeds limits this time.
 ///
 /// With a search radius (KnnOptions), matches are searched near the positions that the motion
 /// between the last two frames predicts. If that gives no homography, or less than half of the
@@ -209,8 +211,8 @@ class SequenceMatcher {
   /// options and if the reference in `ahead` is the reference that this frame needs.
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead = nullptr);
 
-  /// An empty frame to fill for match() or setFixedReference(), with the buffers of an unused
-  /// frame.
+  /// Returns an empty frame. Fill it and pass it to match() or setFixedReference(). It reuses the
+  /// buffers of a frame that is no longer in use.
   FramePtr newFrame();
 
   /// Sets the reference of the fixed mode, or removes it (null). If `frame` has no features yet,

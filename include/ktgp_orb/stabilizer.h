@@ -37,11 +37,11 @@ struct SteadyFrame {
 ///
 /// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
-/// to these tracks, weighted by the distance in time. The value of the line at the time of the
-/// frame gives the corners in the steady picture. Because a line is fitted and not a mean, the
-/// steady picture follows an evenly moving camera without delay. Without lag, a new path is assumed
-/// to stand still until more frames are known. When a new path begins, the last correction fades
-/// out.
+/// to the track of each corner; the weights depend on the distance in time. The values of the lines
+/// at the time of the frame are the corners of the frame in the steady picture. A mean instead of a
+/// line would lag behind an evenly moving camera. With a lag of 0, the camera is assumed to stand
+/// still at the beginning of a path, until more frames are known. When a new path begins, the last
+/// correction of the old path fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
@@ -76,16 +76,16 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
-  // Shifts of the corners of the newest finished frame to the steady picture, px.
+  // Shift of each corner of the newest finished frame by the correction (before the crop), px.
   Corners correction_;
   // Correction at the end of the previous path; it fades out in the present path.
   Corners fading_;
   std::int64_t fading_since_ = 0;
 };
 
-/// Unsteadiness of a path: mean over time and corners of the squared second difference of the image
-/// corners, px^2. `steps`: homographies from each frame to the next. Returns 0 for fewer than two
-/// steps.
+/// Measures the shake of a path: squared second difference of the corner positions, averaged over
+/// the frames and the four image corners, px^2. `steps`: homographies from each frame to the next.
+/// Returns 0 for fewer than two steps.
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size);
 
 }  // namespace ktgp_orb

@@ -49,19 +49,19 @@ struct TargetFinderOptions {
   /// full, half and quarter size. 5: also four views of the image with a tilt of 2, each at these
   /// three sizes.
   int views = 5;
-  /// Shorter side of the smallest targets to find in the frame, px, 40..1000. Only whether it is
-  /// below 80 matters: then the frame is enlarged before the extraction, and about half of the
-  /// targets of 45 px are found. The factor is two, or smaller if the frame would become longer
+  /// Shorter side of the smallest targets to find in the frame, px, 40..1000. If it is below 80,
+  /// the frame is enlarged before the extraction, and about half of the targets of 45 px are found;
+  /// the exact value has no effect. The factor is two, or smaller if the frame would become longer
   /// than 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames whose
   /// longer side is below 480 px are enlarged by a factor of up to four; in frames of 160 px, half
-  /// of the targets of 18 px are found. Enlarging multiplies the time. A frame is enlarged if no
-  /// target is followed, if a small target is followed, or if a target was lost. Besides, every
-  /// eighth frame is enlarged.
+  /// of the targets of 18 px are found. An enlarged frame takes several times as long. A frame is
+  /// enlarged only if no target is followed, if a small target is followed, or if a target was
+  /// lost; every eighth frame is always enlarged.
   double smallest_side = 45.0;
   /// Time for the search for targets that were not seen in the last frame, ms per frame. While
   /// other targets are followed, a tenth of this time is used. If infinite, all candidates are
-  /// tried on every frame. A part of the keypoints is always looked up, and two candidates are
-  /// always tried. The extraction and the targets of the last frame take additional time.
+  /// tried on every frame. At least a part of the keypoints is looked up and two candidates are
+  /// tried. The extraction and the targets of the last frame take additional time.
   double search_ms = std::numeric_limits<double>::infinity();
   int max_instances = 8;  ///< maximum number of copies of one target in a frame, 1..1000
 };
@@ -108,16 +108,16 @@ struct TargetFrame {
   /// The detected targets, ordered by id, then by instance.
   std::vector<DetectedTarget> detections;
 
-  // Counts of the search.
+  // Statistics of the search.
   std::size_t known = 0;  ///< number of known targets
   /// Number of targets with some pairs of keypoints that agree with each other.
   std::size_t candidates = 0;
   std::size_t tried = 0;  ///< number of candidates that were tried
-  /// Number of frames, at the pace of this frame, until all keypoints have been looked up in the
-  /// index and all present candidates have been tried; 1 if this frame was enough.
+  /// Estimated number of frames that are needed to look up all keypoints in the index and to try
+  /// all present candidates, if each frame does as much as this one; 1 if this frame was enough.
   std::size_t frames_for_all = 1;
-  /// Id of a target of which max_instances copies were found, so that there may be more copies;
-  /// empty if there is no such target.
+  /// Id of a target of which max_instances copies were found: the frame may show more copies of it.
+  /// Empty if there is no such target.
   std::string at_limit;
   std::size_t features = 0;  ///< number of keypoints in the frame
   double extraction_milliseconds = 0.0;
@@ -128,15 +128,15 @@ struct TargetFrame {
 ///
 /// 1. The frame's features are extracted once.
 /// 2. For each keypoint of the frame, an index of the descriptors of all targets returns the most
-///    similar keypoints (bits sampled at random in several tables; Indyk & Motwani, STOC 1998). A
-///    pair of keypoints predicts an affine map, since keypoints have a direction and a size. The
-///    targets whose pairs agree with each other are candidates.
+///    similar keypoints (several tables with randomly sampled bits as keys; Indyk & Motwani, STOC
+///    1998). A pair of keypoints predicts an affine map, since keypoints have a direction and a
+///    size. The targets whose pairs agree with each other are candidates.
 /// 3. Each candidate, and each target of the last frame, is matched separately (multi-index
 ///    hashing).
-/// 4. A homography grows from the best pairs, by keypoints or by the grey values around a pair. The
-///    grey values of both images must confirm the homography; if they are inconclusive, the test
-///    with decoys must confirm it (see HomographyGrowth). Then the homography is aligned to a
-///    fraction of a pixel, and more copies of the target are searched for among the remaining
+/// 4. A homography grows from the best pairs, using more keypoints or the grey values around a
+///    pair. The grey values of both images must confirm the homography; if they are inconclusive,
+///    the test with decoys must confirm it (see HomographyGrowth). Then the homography is aligned
+///    to a fraction of a pixel, and more copies of the target are searched for among the remaining
 ///    keypoints.
 ///
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
@@ -157,8 +157,8 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
-  /// Changes these three options (see TargetFinderOptions) from the next frame on. Throws like the
-  /// constructor; then nothing changes.
+  /// Changes three of the TargetFinderOptions from the next frame on. Throws like the constructor;
+  /// then nothing changes.
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Adds a target. Throws std::invalid_argument with the reason, without any change, for an empty

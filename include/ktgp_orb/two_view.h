@@ -33,7 +33,7 @@ enum class Doubt : std::uint8_t {
   none = 0,
   /// Two motions explain a plane equally well, and no pair tells them apart.
   two_motions_of_a_plane = 1,
-  /// The pairs off a dominant plane are too few, or are all in one place.
+  /// Too few pairs are off the dominant plane, or these pairs are all in one place.
   few_points_off_the_plane = 2,
   small_parallax = 3,  ///< another direction or the opposite sign of the translation fits as well
   repetitive = 4,      ///< the texture repeats itself, and shifted (wrong) pairings fit as well
@@ -104,8 +104,8 @@ struct ScenePoint {
   /// Index of the point pair that this point was triangulated from.
   std::size_t pair = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position in units of the baseline
-  /// Covariance of the position, computed from the scale of the pairs' errors. The motion is
-  /// assumed to be exact.
+  /// Covariance of the position, if all pairs have errors of the same scale (TwoView::scale, or
+  /// rmse if scale is 0) and the motion is exact.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -126,8 +126,8 @@ struct TwoView {
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 
-  /// The homography for plane and rotation. For an epipolar geometry, the homography of its
-  /// dominant plane, if there is one; else zero.
+  /// If the geometry is a plane or a rotation: its homography. If it is epipolar: the homography of
+  /// the dominant plane, if there is one. Otherwise zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// The fundamental matrix, x_target^T F x_reference = 0, in px and of norm 1; zero for a rotation
   /// and for a plane without K.
@@ -142,11 +142,11 @@ struct TwoView {
   /// Covariance of small changes of the translation (x, y, z) and of small rotations about the
   /// target camera's axes (rad), in this order. Its rank is 5, because the length of the
   /// translation is fixed. For a pure rotation the rank is 6: the translation part then covers
-  /// translations that are too small to see, in units of the distance of the scene. If `other` is
-  /// set, the covariance is large enough to cover both motions. NaN if K is missing or the
-  /// covariance is unknown.
+  /// translations that are too small to be noticed, in units of the distance to the scene. If
+  /// `other` is set, the covariance is large enough to cover both motions. NaN if K is missing or
+  /// the covariance is unknown.
   Covariance6 pose_covariance = Covariance6::Zero();
-  /// Angle between the two rays of an inlier, degrees: the median over all inliers; NaN without K.
+  /// Median over all inliers of the angle between the two rays of a pair, degrees; NaN without K.
   double parallax = 0.0;
 
   /// One entry per pair: 1 if it agrees with the geometry and, with K, lies in front of both
@@ -168,7 +168,7 @@ struct TwoView {
 static_assert(alignof(TwoView) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// Finds the geometry that explains the point pairs of two images: plane, rotation, depth or none.
+/// Finds the geometry that explains the point pairs of two images; see Geometry.
 ///
 /// PROSAC searches for each model, with samples of four pairs for a homography, five for an
 /// essential matrix (Nister, PAMI 2004) and seven for a fundamental matrix. Then the motion is
@@ -179,9 +179,9 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// probability of this is the share of the image that lies within the error of the pair: in a disc
 /// around the predicted point for a homography, or in a strip on both sides of the epipolar line.
 /// If there is a homography, the pairs must also show parallax: their residuals under the
-/// homography must point along the epipolar lines more often than random directions. So a plane
-/// with a few other points gives an epipolar geometry, and a plane without other points is reported
-/// as a plane.
+/// homography must point along the epipolar lines more often than random directions. Therefore a
+/// plane with a few points off it is reported as an epipolar geometry, and a plane without such
+/// points as a plane.
 ///
 /// The status is model_rejected if a geometry is significant, but other evidence contradicts it or
 /// the inliers do not determine it; see TwoView::doubt.
@@ -228,7 +228,7 @@ struct TwoViewMatches {
   std::vector<Level> levels;
 };
 
-/// Estimates the geometry of matches, from points that are aligned one by one.
+/// Estimates the two-view geometry of matches, after aligning each match to a fraction of a pixel.
 ///
 /// Keypoints are accurate to half a pixel. For each match, the patch of 16x16 px around the
 /// reference keypoint is found in the target (see Alignment). The patch is warped by the affine map

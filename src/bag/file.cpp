@@ -16,10 +16,10 @@ namespace ktgp_orb::bag {
 namespace {
 
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
-constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at once after damage
-constexpr std::size_t kNotedAtMost = 4;        // damage() describes at most this many problems
-/// Largest size of a chunk that we believe, in bytes, since a damaged compressed chunk may declare
-/// any size. rosbag writes chunks below a megabyte unless one image is larger.
+constexpr std::size_t kSearchBlock = 1 << 20;  // bytes read at a time in the search after damage
+constexpr std::size_t kNotedAtMost = 4;        // largest number of problems in damage()
+/// Largest uncompressed size of a compressed chunk that we accept, in bytes, because a damaged
+/// chunk may declare any size. rosbag writes chunks below a megabyte unless one image is larger.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
 /// Largest compression ratio of LZ4.
 constexpr std::size_t kLz4Ratio = 255;
@@ -287,7 +287,7 @@ void BagFile::checkAgainstHeader() {
   is("conn_count", connections_.size());
 }
 
-/// Compares the chunks with the entries for chunks in the index at the end of the file.
+/// Compares each chunk with its entry in the index at the end of the file.
 void BagFile::checkAgainstInfos() {
   constexpr std::size_t kLeastMessage = 32;  // bytes of the smallest message record
   std::map<std::size_t, Chunk*> at;
@@ -306,7 +306,7 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // Messages are not missing if their chunk exists at another position.
+  // Messages do not count as missing if their chunk is at another position than the index says.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {

@@ -8,7 +8,7 @@ namespace {
 
 /// Bytes of a length field.
 constexpr std::size_t kLength = 4;
-/// Longest header, in bytes, that the search after damage finds; nearly all headers are far
+/// Bytes of the longest header that the search after damage accepts; nearly all headers are far
 /// shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 

@@ -57,8 +57,8 @@ std::optional<Fields> parseFields(std::string_view bytes);
 std::optional<Record> parseRecord(std::string_view bytes);
 
 /// Position of the first record at or after `begin` whose kind is in `kinds`; empty if there is
-/// none. The record's data must end at most `beyond` bytes after the end of `bytes`. After damage,
-/// reading resumes at this position.
+/// none. `beyond`: number of bytes that the file has after `bytes`; the record's data must end
+/// within the file. Used to find the next intact record after damage.
 std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 

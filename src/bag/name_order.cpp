@@ -74,7 +74,7 @@ bool isPoint(const std::string& text, std::size_t i) {
   return i < text.size() && (text[i] == '.' || text[i] == ',');
 }
 
-/// Whether the number belongs to three or more numbers with points between them, as in
+/// Whether the number is part of a row of three or more numbers separated by points, as in
 /// "2024.01.02". Such numbers are counters, not decimals.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && isPoint(text, begin - 1) && isDigit(text, begin - 2);
@@ -130,12 +130,13 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Whether the digits after the point are counters and not decimals, judged from the numbers at
+/// Whether the digits after the point are counters and not decimals. Compares the numbers at
 /// position `place` of all names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
   // Counters have no leading zeros, but a tenth of all decimals have a zero right after the point.
   // Decimals of different lengths have no trailing zeros, but a tenth of all counters end with a
-  // zero. So the more frequent zeros decide. Among many names, one final zero may be an exception.
+  // zero. So they are counters if zeros at the end are more frequent than zeros at the front. Among
+  // kMany or more names, a single final zero may be an exception and is not enough.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;
@@ -181,7 +182,8 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  constexpr std::size_t kRare = 20;  // an odd series has one file or at most 1 / kRare of all files
+  // A series of names is odd if it has one file, or at most 1 / kRare of all files.
+  constexpr std::size_t kRare = 20;
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);
   std::size_t most = 0;

@@ -6,7 +6,7 @@
 namespace ktgp_orb::bag {
 
 /// Sorts file names by the numbers in them: "img2" before "img10", "-0.5" before "0.25", "9.95"
-/// before "10.1". Judges from all names whether "1.10" is a decimal or two counters: counters have
+/// before "10.1". Decides from all names whether "1.10" is a decimal or two counters: counters have
 /// no leading zeros, and decimals of different lengths have no trailing zeros.
 void sortByNumbers(std::vector<std::string>& files);
 

@@ -23,7 +23,7 @@ bool isImage(const bag::Topic& topic) {
   return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);
 }
 
-/// Whether a topic has images that are not read here, because of their transport or an old layout.
+/// Whether a topic has images that cannot be read here: other transport or old message type.
 bool isOtherImage(const bag::Topic& topic) {
   const bool is_named = topic.type.find("Image") != std::string::npos ||
                         topic.type.find("Packet") != std::string::npos;
@@ -171,7 +171,7 @@ std::optional<RecordedMessage> BagMessages::next() {
     const std::uint32_t connection = queue_.begin()->second;
     queue_.erase(queue_.begin());
     current_ = contentsOf(chunk);
-    if (number >= current_->messages.size()) continue;  // the message can no longer be read
+    if (number >= current_->messages.size()) continue;  // the chunk was re-read with fewer messages
     ++read_;
     return RecordedMessage{connections_.at(connection), time, current_->messages[number].data};
   }

@@ -26,7 +26,7 @@ namespace ktgp_orb {
 
 /// A message of a bag, valid until the next message is read.
 struct RecordedMessage {
-  std::set<bag::Topic> topics;  ///< one topic, or several if a damaged bag contradicts itself
+  std::set<bag::Topic> topics;  ///< several only if a damaged bag contradicts itself
   ros::Time received;
   std::string_view bytes;
 
@@ -145,9 +145,9 @@ std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection
 /// too.
 std::string cameraOf(const std::string& image_topic);
 
-/// Reads the topic camera_info beside the image topic. Returns its first message with a
-/// calibration; if there is none, its first message. Throws UnusableBag if there is no camera_info.
-/// `user`: name of the option or function that needs the camera_info.
+/// Reads the topic camera_info in the namespace of the image topic. Returns the first message with
+/// a calibration, or the first message if none has a calibration. Throws UnusableBag if there is no
+/// camera_info. `user`: name of the option or function that needs the camera_info.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
                                        const std::string& user);
 /// Text for users if the last camera_info of the bag differs from `used`; otherwise empty. Earlier

@@ -35,7 +35,7 @@ bool beginsWith(const std::string& path, const std::string& start) {
   return first == start;
 }
 
-/// The stamp, at least 1 ns: zero means "no time" in ROS and cannot be stored in a bag.
+/// Stamp for a time in s, at least 1 ns: zero means "no time" in ROS and cannot be stored in a bag.
 ros::Time stampOf(double seconds) {
   return std::max(ros::TIME_MIN, ros::Time(std::max(seconds, 0.0)));
 }
@@ -73,8 +73,8 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
 }
 
 /// Counts all images, including hidden images: if an MP4 or MOV was cut without re-encoding, it
-/// still contains images that players do not show. FFmpeg returns them with an option that OpenCV
-/// reads from the environment.
+/// still contains images that players do not show. FFmpeg returns these images if an option is set,
+/// which OpenCV reads from the environment.
 std::size_t imagesIn(const std::string& path) {
   constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
   const char* const given = std::getenv(kOptions);
@@ -134,9 +134,9 @@ class Video : public ImageSource {
   }
 
  private:
-  /// Whether the last image comes too early. Only Matroska needs this check; returns true for all
-  /// other containers. Matroska does not store the number of images. OpenCV estimates it from the
-  /// length and the usual rate, which is wrong if the rate varies, so we compare the times.
+  /// Whether the time of the last image is clearly below the video's length. Always true except for
+  /// Matroska: only Matroska needs this check, because it does not store the number of images.
+  /// OpenCV estimates it from the length and the usual rate, which is wrong if the rate varies.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
@@ -190,7 +190,7 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  // Times between the last few images, s. The first value is for containers without a rate.
+  // Times between the last few images, s. The initial value is used if the container gives no rate.
   std::deque<double> steps_{1.0 / 30.0};
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;

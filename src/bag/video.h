@@ -11,12 +11,12 @@ namespace ktgp_orb {
 /// Kinds of recordings that the programs read.
 enum class InputKind { bag, video, images };
 
-/// A file is a bag if it begins like a bag or its name ends in ".bag". A name with *, ? or [ that
-/// is not a file is a pattern of images; anything else is a video.
+/// A name with *, ? or [ is a pattern of images, unless there is a file with this name. A file is a
+/// bag if it begins like a bag or its name ends in ".bag". Anything else is a video.
 InputKind kindOf(const std::string& path);
 
 /// Opens a video that OpenCV can read. The stamp of an image is its time in the video; a time of
-/// zero becomes 1 ns, because ROS takes zero for "no time". `rate`: images per second; 0: use the
+/// zero becomes 1 ns, because zero means "no time" in ROS. `rate`: images per second; 0: use the
 /// times of the container. Throws UnusableBag.
 std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelection& selection,
                                        double rate);

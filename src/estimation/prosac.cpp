@@ -54,7 +54,7 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  // All together, the r samples for each new pair take at most 1 / kSteadyShare of the budget.
+  // The r samples for each new pair take at most 1 / kSteadyShare of the budget in total.
   constexpr double kSteadyShare = 4.0;
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);

@@ -43,21 +43,21 @@ void drawDistinct(std::size_t end, std::size_t first, util::Random& random, Pros
 ///
 /// The growth function gives the number of samples after which the set grows beyond the best n
 /// pairs. The growth function of the paper is T_N C(n,m)/C(N,m), with each step rounded up to at
-/// least one sample. With a budget of T_N samples it never reaches the last pair, since the
-/// rounding forces N - m additional samples. This class uses
+/// least one sample. With a budget of T_N samples, the set never grows to the last pair, since the
+/// rounding adds N - m samples. This class uses
 ///
 ///   T'(n) = 1 + r (n - m) + T_N C(n,m)/C(N,m), r = min(1, budget / 4N), T'(N) = budget:
 ///
-/// Each new pair gets r samples, which takes at most a quarter of the budget. In addition, the
-/// function grows as in the paper, with the rest of the budget as T_N. For every N, the last sample
-/// includes the last pair.
+/// Each new pair gets r samples; together they take at most a quarter of the budget. The rest of
+/// the budget is the T_N of the term from the paper. For every N, the last sample includes the last
+/// pair.
 class ProsacSampler {
  public:
   /// `sample_size`: m >= 1. `points`: N >= m. `budget`: maximum number of samples, >= 1.
   ProsacSampler(std::size_t sample_size, std::size_t points, int budget, std::uint64_t seed);
 
-  /// Subtracts samples that were drawn elsewhere from the budget. The growth speeds up, so that the
-  /// last sample still includes the last pair.
+  /// Reduces the budget by samples that were drawn elsewhere. The set then grows faster, so that
+  /// the last sample still includes the last pair.
   void spend(int samples) { spent_ += samples; }
 
   /// Draws a sample of m indices. The set of pairs from which it draws does not grow beyond `limit`
@@ -92,7 +92,7 @@ class ProsacSampler {
 ///   psi = 5 %, if each pair beyond the sample agrees with it by chance with probability beta;
 /// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, a better model in the
 ///   best n pairs was missed with probability eta0. P_n: probability of an all-inlier sample.
-/// The termination length n* is the n with the smallest k_n among those that pass the first rule.
+/// Of all n that pass the first rule, the termination length n* is the one with the smallest k_n.
 class ProsacStopping {
  public:
   /// `sample_size`: m, the number of pairs that determine a model. `points`: N >= m.
@@ -129,15 +129,15 @@ struct ProsacRules {
 };
 
 /// Searches for the model with the least cost (Chum & Matas, "Matching with PROSAC", CVPR 2005)
-/// with local optimisation (Chum, Matas & Kittler, DAGM 2003). The search knows no geometry; the
-/// problem supplies it:
+/// with local optimisation (Chum, Matas & Kittler, DAGM 2003). The geometry is in the problem,
+/// which provides:
 ///
 ///   using Model = …;                        the type of a model, copyable
 ///   std::size_t sampleSize() const;         number of pairs in a sample
 ///   std::size_t size() const;               number of pairs, sorted by quality, best first
 ///   void solve(sample, visit);              calls visit(model) for each model of a sample
-///   float cost(model, give_up) const;       MSAC cost, or a partial sum above give_up
-///   bool refine(widening, model);           fits to the pairs within `widening` thresholds
+///   float cost(model, give_up) const;       MSAC cost; may stop at a sum above give_up
+///   bool refine(widening, model);           fits to pairs within widening * threshold
 ///   std::size_t findInliers(model, inlier) const;
 ///
 /// Keeps its buffers.
@@ -194,8 +194,8 @@ class ProsacSearch {
     return true;
   }
 
-  /// Local optimisation: fits the model again to its inliers, while the inlier limit shrinks to the
-  /// threshold.
+  /// Local optimisation: refits the model to its inliers, first with twice the inlier threshold and
+  /// then two times with the threshold itself.
   void polish() {
     Model candidate = best_;
     for (const double widening : {2.0, 1.0, 1.0}) {
@@ -226,11 +226,11 @@ class ProsacSearch {
     }
   }
 
-  /// Second part of local optimisation: draws samples from the inliers only. A sample with one
-  /// wrong pair often agrees with only a part of the right pairs, and least squares does not find
-  /// the other right pairs. A sample of right pairs finds them. Returns true if a sample gave a
-  /// better model. Samples of inliers say nothing about the other pairs, so they count towards the
-  /// budget but not towards maximality. They use at most half of the remaining budget.
+  /// Second part of local optimisation: draws samples from the inliers only. The model of a sample
+  /// with one wrong pair often agrees with only some right pairs, and least squares does not find
+  /// the others. The model of a sample of right pairs does. Returns true if a sample gave a better
+  /// model. Samples of inliers say nothing about the other pairs, so they count towards the budget
+  /// but not towards maximality. They use at most half of the remaining budget.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);

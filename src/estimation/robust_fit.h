@@ -13,8 +13,8 @@ namespace ktgp_orb::estimation {
 
 /// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
-/// A symmetric matrix and a vector with a row for each parameter, both without heap memory. The
-/// functions below compute with them, so that this code is compiled only once.
+/// A symmetric matrix and a vector with a row for each parameter, both without heap memory. All
+/// problems use these two types, so that the functions below are compiled only once.
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                   kMostParameters, kMostParameters>;
 using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
@@ -23,11 +23,11 @@ using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostPara
 /// respect to the step. w = t c: weight of the measurement, where t is the weight of Student's
 /// distribution and c the given factor (see RobustWeights).
 struct NormalEquations {
-  Information squares;      ///< sum of J' w J
+  Information squares;      ///< normal matrix: sum of J' w J
   Step gradient;            ///< sum of J' w e
   double weight = 0.0;      ///< sum of w
-  double derivative = 0.0;  ///< sum of c d(t e)/de, averaged over the directions of e
-  double square = 0.0;      ///< sum of c t² e²
+  double derivative = 0.0;  ///< sum of c d(t e)/de, averaged over e's directions; see findStep()
+  double square = 0.0;      ///< sum of c t² e², see meanSquare()
   double cost = 0.0;        ///< sum of w e²
   /// Sum of w e² for the present errors and the weights of the previous state.
   double former_cost = 0.0;
@@ -54,11 +54,11 @@ bool findStep(const NormalEquations& sums, double damping, const FitRules& rules
 
 /// Fits a state by maximum likelihood for errors with Student's t distribution. Each
 /// Levenberg-Marquardt step has new weights and a new scale. If the problem leaves the weights
-/// empty, the fit is least squares. The fit knows no geometry; the problem supplies it:
+/// empty, the fit is least squares. The geometry is in the problem, which provides:
 ///
 ///   using State = …;                                   the estimated value
-///   State moved(const State&, const Step&) const;      the state after a step, whose entries are
-///                                                      of the order of 1
+///   State moved(const State&, const Step&) const;      the state after a step; a step has
+///                                                      entries of the order of 1
 ///   void linearise(const State&, RobustWeights&, NormalEquations&);
 ///
 /// linearise() writes errors, weights and sums of one state; lineariseEach() does so for problems

@@ -34,8 +34,8 @@ double meanSquare(const NormalEquations& sums, const RobustWeights& weights);
 Information independentMeat(const NormalEquations& sums, const RobustWeights& weights);
 
 /// The factor K² that corrects the covariance for finite samples. The covariance is too small
-/// without it, because measurements that pull the fit get more weight (Huber, Robust Statistics,
-/// 1981, section 7.6). K = 1 + p/n var(d(t e)/de) / mean(d(t e)/de)².
+/// without it, because measurements that pull the fit towards themselves get more weight (Huber,
+/// Robust Statistics, 1981, section 7.6). K = 1 + p/n var(d(t e)/de) / mean(d(t e)/de)².
 double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weights);
 
 /// The meat if the errors of measurements in one cluster may be correlated in any way (Liang &
@@ -46,8 +46,8 @@ class ClusteredMeat {
   void reset(Eigen::Index parameters, std::size_t most);
   /// `pull`: J' w e of one measurement.
   void add(std::size_t cluster, const util::SmallRef& pull) { pulls_[cluster] += pull; }
-  /// Returns `independent` times the mean ratio of meat() to `independent`, but at least times 1. A
-  /// few clusters are enough to estimate this factor, but not the whole matrix meat().
+  /// Returns `independent` times a factor: the mean ratio of meat() to `independent`, but at least
+  /// 1. A few clusters are enough to estimate this factor, but not the whole matrix meat().
   Information inflated(const Information& independent) const;
   /// The meat estimated from the clusters alone, with the small-sample factor for the number of
   /// clusters. This number must be much larger than the number of parameters.

@@ -10,7 +10,7 @@ namespace ktgp_orb::estimation {
 /// Degrees of freedom of Student's t distribution; 4 did best on keypoints of real images.
 inline constexpr double kStudentFreedom = 4.0;
 
-/// The weight of a measurement in the maximum likelihood for Student's t distribution (Lange,
+/// The weight of a measurement in a maximum likelihood fit with Student's t distribution (Lange,
 /// Little & Taylor, JASA 1989): (f + d) / (f + square / scale²) with f = kStudentFreedom and d =
 /// `dimensions`. The weight is 1 if square = d scale². 1 / weight is the factor by which the
 /// variance of this measurement is enlarged.
@@ -46,8 +46,8 @@ class RobustWeights {
   void setScale(double scale) { scale2 = scale * scale; }
   /// Estimates the scale from the current errors by maximum likelihood, with expectation
   /// maximisation. Dividing by the sum of the weights makes it converge faster (Kent, Tyler & Vardi
-  /// 1994). A fit reduces the errors, considerably if there are few measurements; freedom()
-  /// corrects this.
+  /// 1994). The errors after a fit are smaller than the noise, especially if there are few
+  /// measurements. freedom() corrects the scale for this.
   void estimateScale(double least);
 
   // The problem writes these arrays, with one entry for each measurement.

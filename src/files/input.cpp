@@ -133,8 +133,8 @@ cv::Mat readPicture(const std::string& file, int flags) {
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);
-    // OpenCV cannot convert some pictures of floats, so read them unchanged; the check of the depth
-    // below then refuses them.
+    // OpenCV cannot convert some floating-point pictures. Read them unchanged; the check of the
+    // depth below then refuses them.
     if (picture.empty()) {
       const cv::Mat as_it_is = cv::imread(file, cv::IMREAD_UNCHANGED);
       if (!isUsual(as_it_is)) picture = as_it_is;

@@ -21,14 +21,15 @@ void requireRegularFile(const std::string& file);
 /// file and the remedy: "is a HEIC picture; convert it ...". Empty if the kind is unknown.
 std::string unreadableFormat(const std::string& file);
 
-/// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. Every picture that
-/// this package reads passes through here. Throws FileError, also for a JPEG or PNG that is cut
-/// off, and for other depths (float, 32 bits), because it is unknown which of their values mean
-/// black and white. Transparent pixels are filled with a smooth continuation of the visible pixels,
-/// unless `flags` is cv::IMREAD_UNCHANGED.
+/// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. The package reads
+/// every picture with this function. Throws FileError, also for a JPEG or PNG that is cut off. Also
+/// refuses other depths (float, 32 bits), because it is unknown which values mean black and white.
+/// Transparent pixels are filled with a smooth continuation of the visible pixels, unless `flags`
+/// is cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
-/// Reads a picture as 8-bit grey; 16-bit pictures are stretched to 8 bits as in the nodelet.
+/// Reads a picture as 8-bit grey; 16-bit pictures are converted as in the nodelet
+/// (util::stretchTo8Bit).
 cv::Mat readGrey(const std::string& file);
 
 /// Reads a picture for drawing on it: BGR if the file has 8-bit colours, else 8-bit grey.

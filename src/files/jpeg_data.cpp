@@ -42,7 +42,7 @@ class Bits {
     }
     return true;
   }
-  /// Skips to the next byte and the restart marker there. Returns false if there is no marker.
+  /// Skips the rest of the byte and the restart marker after it; false if there is no marker.
   bool restart() {
     left_ = 0;
     const std::size_t marker = byteAt(bytes_, place_ + 1);
@@ -97,7 +97,7 @@ struct Jpeg {
   std::vector<Component> components;
   std::size_t width = 0;
   std::size_t height = 0;
-  std::size_t interval = 0;  // units between restarts; 0: no restarts
+  std::size_t interval = 0;  // units between two restart markers; 0: no markers
   std::size_t scan = 0;      // position of the data of a scan with all components; 0: none
 };
 

@@ -6,8 +6,9 @@
 namespace ktgp_orb::files {
 
 /// Whether a JPEG that has its end marker lacks data. Decoders fill the missing part with grey and
-/// do not report it. `picture`: decoded from `bytes`; the data are counted only if a corner is
-/// grey. False for progressive JPEGs, whose data come in several scans, and for other formats.
+/// do not report it. `picture`: decoded from `bytes`. If no corner has this grey, returns false
+/// without checking the data. False for progressive JPEGs, whose data come in several scans, and
+/// for other formats.
 bool lacksData(std::string_view bytes, const cv::Mat& picture);
 
 }  // namespace ktgp_orb::files

@@ -54,8 +54,8 @@ bool isSameNode(const struct stat& a, const struct stat& b) {
 }
 
 /// Creates and locks a file, or locks and empties an existing file that no program has locked.
-/// Returns -1 on failure; errno is EEXIST if the name is in use, also if it is the name of a link
-/// or of a file of another program.
+/// Returns -1 on failure. errno is EEXIST if the name is taken, for example by a link or by a file
+/// of another program.
 int lockedFile(const std::string& name) {
   int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   const bool is_new = file >= 0;
@@ -140,7 +140,7 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    // The option that names the output itself does not count; own stays 0 if no option names it.
+    // Do not count the option that gives this output itself. `own` stays 0 if no option gives it.
     if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
@@ -247,7 +247,7 @@ void OutputFile::finish() {
   synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
 }
 
-// Without the first fsync, a power cut could leave the name but not the contents.
+// First flushes the contents: otherwise a power cut could leave the name but not the contents.
 void OutputFile::commit(const std::vector<OutputFile*>& files) {
   for (const OutputFile* file : files) {
     if (!synchronised(file->unfinished_, O_RDONLY)) fail(file->path_);

@@ -8,9 +8,9 @@
 
 namespace ktgp_orb::files {
 
-/// The files that a program reads and writes, checked before any work. An output is refused if it
-/// exists (unless `force`), is not a regular file, is named by another option, is an input or
-/// another output (after following links), or cannot be created.
+/// Checks the files that a program reads and writes before the program begins its work. Refuses an
+/// output if it exists (unless `force`), is not a regular file, is the value of another option, is
+/// an input or another output (after following links), or cannot be created.
 class OutputPlan {
  public:
   /// Options of the command line, each with its value.
@@ -20,12 +20,13 @@ class OutputPlan {
   /// Values that are not files do no harm.
   OutputPlan(bool force, Given given) : force_(force), given_(std::move(given)) {}
 
-  /// Registers an input that no option names, because a list or a pattern gives it.
+  /// Registers an input that is not the value of an option, but comes from a list or a pattern.
   void read(const std::string& input);
   /// Checks and registers an output; "-" is the standard output, and an empty path is ignored.
   /// Throws FileError.
   void write(const std::string& output);
-  /// Like write(), for pictures and videos; these also refuse an unknown ending.
+  /// Like write(), but for a picture or a video. Also throws FileError if the file name has no
+  /// ending or one that cannot be written.
   void writeImage(const std::string& output);
   void writeVideo(const std::string& output);
 
@@ -35,7 +36,7 @@ class OutputPlan {
   bool force_;
   Given given_;
   std::vector<std::string> inputs_;
-  std::vector<std::string> outputs_;  ///< paths of the outputs, with links resolved
+  std::vector<std::string> outputs_;  ///< paths as the caller gave them
 };
 
 /// An output file that is written under a temporary name and gets its final name only when it is
@@ -51,7 +52,7 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   const std::string& path() const { return path_; }
-  /// The temporary path, to write to before commit().
+  /// The temporary path. Write the file there before commit().
   const std::string& unfinished() const { return unfinished_; }
   /// Gives the file its final name. Throws FileError, for example if the name exists and `force` is
   /// false.
@@ -69,7 +70,7 @@ class OutputFile {
   std::string target_;  ///< path with links resolved
   std::string unfinished_;
   int lock_ = -1;           ///< descriptor of the locked file
-  bool is_placed_ = false;  ///< the file has its final name, which takeBack() can remove
+  bool is_placed_ = false;  ///< the final name exists and is new, so takeBack() can remove it
 };
 
 /// The output files of a run, which get their final names together at its end. If the program is

@@ -29,8 +29,8 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
 
 /// Returns the position after the marker of the first segment that `wanted` accepts; 0 if there is
 /// no such segment. A JPEG consists of segments (a marker, a length that counts itself, data) with
-/// compressed pixels between them. In the pixels, an FF is followed by 0 or a restart number. A
-/// preview is inside a segment, so its markers are skipped.
+/// compressed pixels between them. In the pixel data, an FF is followed by 0 or by the number of a
+/// restart marker. A preview is inside a segment, so its markers are skipped.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;
@@ -72,7 +72,7 @@ std::optional<double> ofJpeg(std::string_view bytes) {
 std::optional<double> ofBmp(std::string_view bytes) {
   const bool is_old = numberAt(14, 4, bytes, true) == 12;
   if (is_old) return megapixels(numberAt(18, 2, bytes, true), numberAt(20, 2, bytes, true));
-  const auto side = [&](std::size_t at) {  // heights of top-down pictures are negative
+  const auto side = [&](std::size_t at) {  // a negative height means: top row first
     const auto number = static_cast<std::int32_t>(numberAt(at, 4, bytes, true));
     return static_cast<std::size_t>(std::abs(static_cast<std::int64_t>(number)));
   };

@@ -14,7 +14,7 @@ struct TargetEntry {
   std::vector<std::string> files;
   double width = 0.0;  ///< width of the target, m; 0: not known
   std::string frame;
-  /// Where the entry comes from, for messages: list and line, or file of a folder.
+  /// For error messages: the list and line, or the file in the folder, that the entry comes from.
   std::string place;
 };
 
@@ -22,8 +22,8 @@ struct TargetEntry {
 /// list:
 ///   - {id: door, image: door.png, width: 0.8, frame: door}
 ///   - {id: map, images: [day.jpg, night.jpg]}
-/// File names in the list are relative to the list; the returned entries have absolute names. A
-/// folder is sorted by id. Throws std::invalid_argument with `path` and the reason.
+/// File names in the list are relative to the list's folder; the returned entries have absolute
+/// names. A folder is sorted by id. Throws std::invalid_argument with `path` and the reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
 /// The entries as a YAML list.

@@ -11,8 +11,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Finds the similar keypoints of a run. A run has few keypoints, so lanes past its end are masked
-// out.
+// See AlikeKernel::find. The range [begin, end) has only a few keypoints, so lanes past `end` are
+// masked out.
 std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
                       std::uint32_t end, const LocalFrame& predicted, float squared_radius,
                       std::uint32_t* alike, bool& is_near) {

@@ -26,13 +26,12 @@ constexpr float kAlikeLogScale = 0.587787F;  ///< logarithm of the largest ratio
 struct AlikeKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Finds the keypoints in [begin, end) within the radius (px, squared) of the prediction and with
-  /// similar direction and size. Writes the indices of these keypoints to `alike` in ascending
-  /// order, and returns how many there are. `is_near` becomes true if any keypoint is within the
-  /// radius, even with another direction or size. `columns`: the values of LocalFrame, column by
-  /// column: the first value of all keypoints, then the second value of all keypoints, and so on; a
-  /// column begins `pitch` floats after the previous column. `alike`: an array with an entry for
-  /// each keypoint.
+  /// Finds the keypoints in [begin, end) that are within the radius (px, squared) of `predicted`
+  /// and similar to it in direction and size. Writes their indices to `alike` in ascending order,
+  /// and returns their number. `is_near` becomes true if any keypoint is within the radius, even
+  /// with another direction or size. `columns`: the members of LocalFrame as columns: x of all
+  /// keypoints, then y of all keypoints, and so on. A column begins `pitch` floats after the
+  /// previous column. `alike`: an array with room for an entry for each keypoint.
   std::size_t (*find)(const float* columns, std::size_t pitch, std::uint32_t begin,
                       std::uint32_t end, const LocalFrame& predicted, float squared_radius,
                       std::uint32_t* alike, bool& is_near);

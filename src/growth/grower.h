@@ -23,15 +23,16 @@ struct GrowthPlan {
   /// The rounds end early if the search radius is at most this value, px, and the whole reference
   /// is within reach.
   float enough_radius;
-  /// Radius of the first search in the whole reference after the rounds, px; later searches halve
-  /// it. Predictions outside the region of the rounds may be wrong by this distance.
+  /// Radius of the first search after the rounds, in the whole reference (Grower::settle), px;
+  /// later searches halve it. Outside the region of the rounds, predictions may be wrong by this
+  /// distance.
   float settle_radius;
   /// Maximum number of refits at the last radius; they go on while the number of matches increases.
   int last_rounds;
   std::size_t fewest_pairs;  ///< minimum number of pairs that a round must find
-  /// Number of pairs with an error below the last radius that round 0 must find, the increase of
-  /// this number per round, and its maximum. A right seed finds several times as many pairs. Wrong
-  /// seeds take nearly all of the time, and seldom find as many pairs in two rounds.
+  /// Round 0 must find `first_exact` pairs with an error below the last radius, each further round
+  /// `more_exact` pairs more, up to `most_exact`. A right seed finds several times as many. Wrong
+  /// seeds take nearly all of the time, but seldom find enough pairs in two rounds.
   std::size_t first_exact, more_exact, most_exact;
 };
 

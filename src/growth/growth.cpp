@@ -42,7 +42,8 @@ struct Standing {
 };
 
 /// Whether the true counterparts of keypoints can be their nearest neighbours if `map` is right.
-/// ORB's descriptors tolerate a change of scale by a factor of about two, and a tilt of about two.
+/// ORB's descriptors tolerate a scale factor, and a tilt (largest / smallest stretch), of about
+/// two.
 bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
   constexpr double kMost = 2.0;
   const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
@@ -113,8 +114,10 @@ struct HomographyGrowth::Impl {
   // Index in `grown` of the homography that was found from the given start; past the end if there
   // is none.
   std::size_t start_place = 0;
-  std::vector<std::size_t> order;    // indices into `grown`, the most significant homography first
-  std::vector<cv::Point2f> repeats;  // copy of Grown::repeats of the homography that is grown again
+  std::vector<std::size_t> order;  // indices into `grown`, the most significant homography first
+  // Buffer of growFromRepeats(): copy of the best hypothesis' Grown::repeats, because tryFrom() may
+  // reallocate `grown`.
+  std::vector<cv::Point2f> repeats;
   growth::ShiftVotes shifts;
   std::vector<growth::ShiftVotes::Peak> peaks;
   PointPairs mutual;  // mutual nearest neighbours of the two images; simulated views do not count
@@ -249,9 +252,9 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// For each repetition of the scene, shifts the best hypothesis by it and grows the result. Then
-/// does the same with the new best hypothesis, at most three times in all. Ends early if the
-/// repetitions of the best hypothesis were already tried.
+/// Shifts the best hypothesis by each repetition of the scene and grows the results. Then does the
+/// same with the new best hypothesis, at most three times in all. Ends early if the repetitions of
+/// the best hypothesis were already tried.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -302,10 +305,10 @@ bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
 }
 
 /// Chooses the best hypothesis, unless chance explains it or a contradicting hypothesis is nearly
-/// as good. The start, the homography that the caller gave, is preferred, because it was also found
-/// in another way. It is chosen if the best hypothesis has no more matches than the start, if fewer
-/// than 10^-4 homographies as good as the start are expected by chance, and if nearest neighbours
-/// do not vote for another shift.
+/// as good. Prefers the start (the homography that the caller gave), because it was also found by
+/// another method. The start is chosen if the best hypothesis has no more matches than the start,
+/// if fewer than 10^-4 homographies as good as the start are expected by chance, and if nearest
+/// neighbours do not vote for another shift.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();

@@ -20,8 +20,8 @@ inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
           std::log(std::max(keypoint.size, 1e-3F))};
 }
 
-/// The image of `frame` under a map. `to`: image of the position. `jacobian`: Jacobian of the map
-/// at the keypoint. The map scales areas by exp(2 `log_scale`).
+/// Maps the keypoint `frame` to another image. `to`: mapped position. `jacobian`: Jacobian of the
+/// map at the keypoint; the map scales areas by exp(2 `log_scale`).
 inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
                          const Eigen::Matrix2f& jacobian, float log_scale) {
   const Eigen::Vector2f d = jacobian * Eigen::Vector2f(frame.dx, frame.dy);
@@ -48,7 +48,7 @@ inline int countBits(std::uint32_t v) {
 
 /// Returns the Hamming distance. Uses only instructions that every processor has.
 inline int distance(const Bits& a, const Bits& b) {
-  std::uint64_t bytes = 0;  // each byte sums the counts of four bytes, at most 8 each
+  std::uint64_t bytes = 0;  // each byte is the sum of four bit counts, at most 8 each
   for (std::size_t i = 0; i < a.size(); ++i) {
     std::uint64_t v = a[i] ^ b[i];
     v -= (v >> 1) & 0x5555555555555555U;

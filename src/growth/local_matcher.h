@@ -78,8 +78,8 @@ class LocalMatcher {
   cv::Size image_size_;
   // frames_, columns_ and bits_ are sorted by the cell of the keypoint.
   std::vector<LocalFrame> frames_;
-  // The values of frames_ by columns, for the kernel: x of all keypoints, then y of all keypoints
-  // ...
+  // The fields of frames_ in columns, for the kernel: first x of all keypoints, then y of all
+  // keypoints, and so on.
   std::vector<float> columns_;
   std::size_t pitch_ = 0;  // distance from one column to the next, in floats
   std::vector<Bits> bits_;

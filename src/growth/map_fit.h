@@ -18,9 +18,9 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map);
 
-/// Fits an affine map to all pairs by least squares. It maps `from` exactly to `to`. The linear map
-/// `prior` counts like one pair at a distance of `reach` px in each direction, so two or three
-/// pairs are enough, even if they lie on a line.
+/// Least-squares fit of an affine map that maps `from` exactly to `to`. `prior`, the prior for the
+/// linear part, weighs as much as two pairs that agree with it, one `reach` px from `from` along
+/// each axis. So two or three pairs are enough, even if they lie on a line.
 Eigen::Matrix3d fitAffineNear(const Places& reference, const Places& target,
                               const Eigen::Vector2d& from, const Eigen::Vector2d& to,
                               const Eigen::Matrix2d& prior, double reach);

@@ -10,8 +10,8 @@
 namespace ktgp_orb::growth {
 namespace {
 
-// Largest distance of a vote from its peak, px: homographies are off by some px far from their
-// matches.
+// Largest distance of a vote from its peak, px. Votes scatter, because homographies are off by some
+// px far from their matches.
 constexpr double kRadius = 5.0;
 constexpr double kApart = 15.0;  // px; nearer peaks count as one peak
 constexpr std::size_t kMost = 16;
@@ -103,10 +103,10 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
   findOthers(target);
 }
 
-// The limit kClear lies between two ratios that were measured on drawn pages of symbols, tables,
-// facades and circuit boards, with shares reduced by one standard deviation. The share of a right
-// homography was at least 2.4 times the share of any other shift, and the share of a wrong
-// homography was less than 1.4 times the share of the best other shift.
+// The limit kClear lies between two ratios that were measured on drawn test images (pages of
+// symbols, tables, facades and circuit boards). All shares were reduced by one standard deviation.
+// The share of a right homography was at least 2.4 times the share of any other shift, and the
+// share of a wrong homography was less than 1.4 times the share of the best other shift.
 bool ShiftVotes::isRivalled() const {
   constexpr double kClear = 2.0;
   // Minimum number of votes; fewer votes may be due to chance, for example if the images differ by

@@ -11,22 +11,22 @@
 
 namespace ktgp_orb::growth {
 
-/// Tells the right homography from a copy of it that is shifted to a place that looks alike, such
-/// as the next window of a facade or the next symbol of a circuit diagram.
+/// Distinguishes the right homography from a copy of it that is shifted to a similar-looking place,
+/// such as the next window of a facade or the next symbol of a circuit diagram.
 ///
-/// Thousands of keypoints near the predicted positions agree with either homography. A nearest
-/// neighbour in the whole image is chosen among all copies of a thing, so only things that exist
-/// once keep voting for the right shift. Each pair of mutual nearest neighbours votes for the shift
-/// between its target point and the predicted point. A shift by one period also changes the overlap
-/// of the images. So the votes of each shift are divided by the number of pairs that both images
-/// could show at this shift.
+/// Thousands of keypoints near the predicted positions agree with either homography. But a nearest
+/// neighbour in the whole image is chosen among all copies of a pattern, so only patterns that
+/// occur once keep voting for the right shift. Each pair of mutual nearest neighbours votes for the
+/// shift between its target point and the predicted point. A shift by one period also changes the
+/// overlap of the images. So the votes of each shift are divided by the number of pairs that both
+/// images could show at this shift.
 class ShiftVotes {
  public:
   struct Peak {
     Eigen::Vector2d shift{0.0, 0.0};   ///< shift of the predicted points, px of the target
     Eigen::Vector2d centre{0.0, 0.0};  ///< centre of the voters, px of the reference
-    double votes = 0.0;  ///< number of votes; one vote counts per 12x12 px of either image
-    double seen = 0.0;   ///< number of pairs that would be in the target at this shift
+    double votes = 0.0;  ///< number of votes, at most one per 12x12 px of either image
+    double seen = 0.0;   ///< number of pairs whose predicted point plus shift is in the target
     double share() const { return votes / (seen > 1.0 ? seen : 1.0); }
   };
 

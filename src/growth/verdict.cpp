@@ -199,7 +199,7 @@ void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::include(const Decoy& decoy) {
-  // Minimum number of opportunities in the ratio; with fewer, a single match would count too much.
+  // Minimum number of opportunities to divide by; with fewer, a single match would count too much.
   constexpr double kFewChances = 5.0;
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
@@ -207,9 +207,9 @@ void Verdict::include(const Decoy& decoy) {
 }
 
 /// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
-/// matches that are not due to chance. Here the counts of these decoys are limited to little more
-/// than the counts of the other decoys. The homography must nevertheless be well above the best
-/// decoy (kAboveLargest).
+/// matches that are not due to chance. Here their counts are limited to kBeyond more than the
+/// largest count of the other decoys. The homography must nevertheless be well above the best decoy
+/// (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   constexpr std::size_t kRepeats = kDecoys / 12;  // number of decoys whose shift may be a period
   // Number of matches by which a decoy may exceed the other decoys by chance.

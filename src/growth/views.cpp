@@ -14,12 +14,12 @@
 namespace ktgp_orb {
 namespace {
 
-/// The simulated tilts: the factor by which a tilt compresses the image, and the number of its
-/// directions within half a turn.
+/// The simulated tilts: the factor by which a tilt compresses the image, and the number of
+/// directions within half a turn in which this tilt is simulated.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// `map`: the affine map that applies `linear` to the image and moves the result to the centre of
-/// its bounding box. `size`: size of this box, px.
+/// The image mapped by `linear`, placed in its bounding box. `map`: applies `linear` and moves the
+/// centre of the image to the centre of the box. `size`: size of the box, px.
 struct Placed {
   Placed(const Eigen::Matrix2d& linear, const cv::Size& image) {
     const Eigen::Vector2d sides = linear.cwiseAbs() * Eigen::Vector2d(image.width, image.height);
@@ -111,9 +111,9 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
 }
 
 /// Whether an image is long, such as a tape or a panorama. Rotated by 45 degrees, a long image
-/// would fill a square as long as the image. So a view of it is turned until its long side lies
-/// along the rows, and is then hardly larger than the image. Views may be turned, since descriptors
-/// do not depend on the rotation.
+/// would need a square as long as the image. So the views of a long image are rotated until its
+/// long side lies along the rows; they are then hardly larger than the image. Views may be rotated,
+/// since descriptors do not depend on the rotation.
 bool isLong(const cv::Size& size) {
   // Above this ratio, the square is more than three times as large as the image.
   constexpr int kRatio = 4;
@@ -124,8 +124,8 @@ Eigen::Matrix2d rotation(double angle) {
   return Eigen::Rotation2Dd(angle).toRotationMatrix();
 }
 
-/// Mask of the view: 255 where the view shows the image without a rim of `border` px along the
-/// edges.
+/// Mask of the view: 255 at pixels that show a part of the image at least `border` px away from the
+/// image's edges, else 0.
 cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<double, 2, 3>& to_view,
                  const cv::Size& view) {
   cv::Mat mask = cv::Mat::zeros(view, CV_8U);

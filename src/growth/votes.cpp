@@ -10,9 +10,9 @@ namespace {
 constexpr float kReach = 120.F;
 constexpr float kCosine = 0.877583F;    // cosine of the largest difference of rotation, 0.5 rad
 constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of scales, 1.6
-// A voter may differ from its predicted position by kSlack px of the target ...
+// A voter may be off its predicted position by kSlack px of the target, plus kRelativeSlack times
+// the predicted distance between the voter and the match in the target.
 constexpr float kSlack = 4.F;
-// ... plus this share of the predicted distance between the voter and the match in the target.
 constexpr float kRelativeSlack = 0.45F;
 
 constexpr float kCell = 8.F;  // px

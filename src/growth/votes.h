@@ -23,7 +23,7 @@ class Votes {
   struct Similarity {
     float x, y, u, v;    ///< positions in the reference (x, y) and in the target (u, v), px
     float cosine, sine;  ///< cosine and sine of the rotation
-    /// Size in the target over size in the reference, and the logarithm of this ratio.
+    /// Ratio of the target keypoint's size to the reference keypoint's size, and its logarithm.
     float scale, log_scale;
     std::uint32_t from_cell, to_cell;  ///< cells of the two keypoints; each cell votes once
   };

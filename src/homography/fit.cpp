@@ -105,9 +105,10 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
   return Status::ok;
 }
 
-/// If all pairs but one lie on a line, H depends on this one pair. The deviation of a corner is
-/// computed in both images, and the smaller of the two counts: if a strong perspective moves a
-/// corner far away in one image, it also magnifies the error there.
+/// If all pairs but one lie on a line, H depends on this one pair. So the test is repeated without
+/// some of the pairs. The standard deviation of a corner is computed in both images, and the
+/// smaller one counts, because a strong perspective that moves a corner far away in one image also
+/// magnifies the error there.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
   constexpr double kMaxDeviation = 10.0;         // px, largest deviation at the worst corner

@@ -47,8 +47,8 @@ class HomographyProblem {
   float cost(const Eigen::Matrix3d& homography, float give_up) const {
     return msacCost(pairs_->scoring, homography, pairs_->limit, give_up);
   }
-  /// Refines H with the pairs within `widening` times the threshold. Returns false if there are not
-  /// more pairs than in a sample, or if they do not determine H.
+  /// Refines H with the pairs whose error is below `widening` times the threshold. Returns false if
+  /// there are no more than four such pairs, or if they do not determine H.
   bool refine(double widening, Eigen::Matrix3d& homography);
   std::size_t findInliers(const Eigen::Matrix3d& homography,
                           std::vector<std::uint8_t>& inlier) const {
@@ -65,7 +65,7 @@ class HomographyProblem {
 
 /// How a homography is fitted.
 struct EvidenceOptions {
-  double max_error = 3.0;  ///< pairs within twice this error take part, px, > 0
+  double max_error = 3.0;  ///< px, > 0; pairs with an error below twice this value take part
   /// Lower limit of the scale of the errors, px, > 0. With a limit well above the errors of the
   /// best points, the fit weights all points alike even if no plane explains them exactly. With a
   /// smaller limit, the fit would follow the points that happen to lie in one plane.
@@ -84,10 +84,10 @@ class HomographyFit {
  public:
   using Matrix8 = ReprojectionFit::Matrix8;
 
-  /// Refines H, which maps normalised coordinates, until the set of pairs within twice the
-  /// threshold of `pairs` stays the same, but at most ten times. `corners`: corners of the
-  /// reference image, px. Returns no_model if this set is not larger than a sample, and
-  /// model_rejected if the pairs do not determine H.
+  /// Refines H (in normalised coordinates). Each round selects the pairs with an error below twice
+  /// pairs.limit and fits H to them. Stops when the selection no longer changes, or after ten
+  /// rounds. `corners`: corners of the reference image, px. Returns no_model if no more than four
+  /// pairs are selected, and model_rejected if the selected pairs do not determine H.
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 

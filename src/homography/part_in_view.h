@@ -33,7 +33,7 @@ class PartOfImage {
 
 /// Corners of the part of the image that `facing` shows. The part ends where the mapped third
 /// coordinate is `least` times the largest third coordinate at the corners. There are up to five
-/// corners; if there are fewer than three, the view is empty.
+/// corners; if there are fewer than three, no part of the image is in view.
 PartOfImage partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
                        double least = kAtHorizon);
 

@@ -14,7 +14,7 @@
 namespace ktgp_orb::homography {
 
 /// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`. x,
-/// y: reference points; u, v: target points. The units are the units of the homography.
+/// y: reference points; u, v: target points. All coordinates are in the units of the homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;

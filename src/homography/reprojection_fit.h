@@ -71,8 +71,8 @@ class ReprojectionFit {
   std::vector<double> factor_;        // weight factor c of each pair
   std::vector<std::size_t> cell_;     // index of the cell of each pair
   std::vector<std::size_t> in_cell_;  // number of pairs in each cell
-  double variance_factor_ = 0.0;      // factor of (J^T w J)^-1; minimise() sets it
-  Matrix8 by_squares_;                // sum of J^T c w J; minimise() sets it if by_cell_
+  double variance_factor_ = 0.0;      // factor in covariance(); set by minimise()
+  Matrix8 by_squares_;                // sum of J^T c w J; set by minimise() if by_cell_ is true
 };
 
 }  // namespace ktgp_orb::homography

@@ -111,8 +111,8 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   // Variance of the error that all pairs have in common, as a fraction of the variance of the
   // noise; see FieldFit::common_covariance.
   constexpr double kCommon = 0.02;
-  // A field that is correlated over most of the image gives only about this number f of independent
-  // values. Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
+  // A field that is correlated over most of the image has only about f independent values.
+  // Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
   constexpr double kFreedom = 6.0;
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
@@ -164,7 +164,7 @@ SmoothField::CellSums SmoothField::sumCells() const {
     for (std::size_t column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[row * columns_ + column];
       if (cell.weight == 0.0) continue;
-      Slope around = Slope::Zero();  // sum over the cell and the eight adjacent cells
+      Slope around = Slope::Zero();  // sum of the slopes of the cell and the eight adjacent cells
       for (std::size_t y = row - std::min<std::size_t>(row, 1); y < std::min(row + 2, rows_); ++y) {
         for (std::size_t x = column - std::min<std::size_t>(column, 1);
              x < std::min(column + 2, columns_); ++x) {
@@ -249,7 +249,8 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Keypoints may be outside the image; they are counted in the last row or column of cells.
+  // Maximum number of rows and of columns of cells. Keypoints may be outside the image; if they are
+  // beyond the last row or column, they are counted in it.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));

@@ -25,7 +25,7 @@ struct FieldScales {
 
 /// Result of SmoothField::fit: the errors of the pairs, split into a smooth field and noise.
 struct FieldFit {
-  double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
+  double variance = 0.0;  ///< variance tau² of the field per coordinate, in squared target units
   double noise_share = 1.0;  ///< share of the squared errors that is due to noise, 0..1
   /// Variance of the noise per coordinate, in the units of `variance`; 0 if there are too few
   /// pairs.
@@ -55,11 +55,12 @@ struct FieldFit {
 ///
 /// in each coordinate, with l = 0.6 of the image's diagonal. tau² and sigma² are chosen so that the
 /// sum of the squared errors, and the sum of the products of the errors of near pairs, equal their
-/// expectations. The expectations take into account that fitting eight entries made the errors
-/// smaller: E[r r'] = M K M' with M = I - J A^-1 J'W. Then cov(H) = A^-1 J'W K W J A^-1, A = J'WJ
-/// (White 1980; Conley 1999; Bell & McCaffrey 2002). The errors are summed over cells of a 16th of
-/// the diagonal; near pairs are in the same or in adjacent cells, and the field is constant within
-/// a cell. Pairs that may share noise (FieldScales::nearby) are left out.
+/// expectations. The expectations take into account that fitting eight entries made the residuals r
+/// smaller: E[r r'] = M K M' with M = I - J A^-1 J'W and A = J'WJ, where J is the Jacobian of the
+/// fit and W contains the weights. Then cov(H) = A^-1 J'W K W J A^-1 (White 1980; Conley 1999; Bell
+/// & McCaffrey 2002). The errors are summed over cells of a 16th of the diagonal; near pairs are in
+/// the same or in adjacent cells, and the field is constant within a cell. Products of two pairs
+/// that may share noise (FieldScales::nearby) are left out.
 ///
 /// Positions are rounded, keypoints to whole pixels. The rounding error of a displacement depends
 /// on the fractional part of the displacement in px. So neighbouring pairs have similar rounding
@@ -89,10 +90,10 @@ class SmoothField {
   };
   struct Cell {
     double weight = 0.0;                              // sum of w over the pairs of the cell
-    Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of w r
-    Slope slope = Slope::Zero();                      // sum of w J
+    Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of w r, where r is a pair's error
+    Slope slope = Slope::Zero();                      // sum of w J, where J is a pair's slope
     Slope slope2 = Slope::Zero();                     // sum of w² J
-    Slope smoothed = Slope::Zero();                   // sum of w J exp(-d/l) over all cells
+    Slope smoothed = Slope::Zero();                   // sum over all cells of exp(-d/l) `slope`
   };
   /// A statistic of the errors, its expectation for a field with tau² = 1, and its expectation for
   /// noise with sigma² = 1.
@@ -103,16 +104,17 @@ class SmoothField {
     // Standard deviation of `measured` for noise with sigma² = 1 and no field.
     double deviation = 0.0;
   };
-  /// Sums over all pairs: w J'J, w² J'J and w³ J'J, w J, w² and w² r².
+  /// Sums over all pairs: of w J'J (`first`), w² J'J (`second`), w³ J'J (`third`), w J (`slope`),
+  /// w² (`weights2`) and w² |r|² (`squared_error`).
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
     Matrix8 second = Matrix8::Zero();
     Matrix8 third = Matrix8::Zero();
-    Slope slope = Slope::Zero();  // sum of w J
+    Slope slope = Slope::Zero();
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Sums over all couples of pairs that share noise: the overlapping share of their patches, w
-    // w', and w w' r·r'.
+    // Sums over all couples of pairs that share noise: of the overlapping share of their patches
+    // (`near_overlap`), w w' (`near_weight`) and w w' r·r' (`near_product`).
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;
@@ -120,7 +122,7 @@ class SmoothField {
   /// Sums over all cells. The comment of each field gives the product that is summed. V: sum of the
   /// slopes of a cell and of the cells that touch it.
   struct CellSums {
-    Matrix8 spread = Matrix8::Zero();      // sum of slope' smoothed: J'W K W J for tau² = 1
+    Matrix8 spread = Matrix8::Zero();      // slope' smoothed; the sum is J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2' smoothed
     Matrix8 near = Matrix8::Zero();        // weight V' smoothed
     Matrix8 near_noise = Matrix8::Zero();  // V' slope2
@@ -135,7 +137,8 @@ class SmoothField {
     double expected = 0.0;
   };
 
-  /// A^-1, and A^-1 J'W K W J A^-1 for a field with tau² = 1 and for noise with sigma² = 1.
+  /// `inverse`: A^-1. `by_field`, `by_noise`: the covariance of H, A^-1 J'W K W J A^-1, for a field
+  /// with tau² = 1 and for noise with sigma² = 1.
   struct Fitted {
     Matrix8 inverse;
     Matrix8 by_field;

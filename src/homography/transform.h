@@ -73,19 +73,20 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const FourPoints& corners);
 
 /// The homography that applies `first` and then `second`, with its covariance to first order. The
-/// noise of the two is independent, so its covariances add. A shared error occurs in both, so its
-/// deviations add: two equal shared errors give twice the deviation and four times the variance.
+/// noise of the two is independent, so the covariances of the noise add. A shared error occurs in
+/// both, so its standard deviations add: two equal shared errors give twice the deviation and four
+/// times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
 /// Calls visit(name, values...) for each scalar field of an answer (UncertainHomography). `name`:
-/// name of the field; `values`: this field in each holder. `holders`: answers or messages; there
-/// may be none.
+/// name of the field. `values`: value of the field in each of the `holders`, which are answers or
+/// messages; there may be none.
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit("plane_deviation", holders.plane_deviation...);
 }
 
-/// Calls `visit` in the same way for all fields that messages and files contain.
+/// Like visitNumbers(), but visits all fields that messages and files contain.
 template <typename Visit, typename... Holders>
 void visitAnswer(Visit visit, Holders&... holders) {
   visit("homography", holders.homography...);

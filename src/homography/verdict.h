@@ -10,10 +10,11 @@
 namespace ktgp_orb::homography {
 
 /// Verdict on a homography that PROSAC or growth found. A homography is trusted if it shows its
-/// inliers from one side and if chance does not explain them. Chance is excluded if NFA(k) < 1e-4
-/// for some k, or < 1e-12 if the horizon crosses the reference, as in the picture of a street. A
-/// random target point in the area A of the target points agrees within the error e with the
-/// probability p = pi e² / A; e is at least 1/sqrt(pi) px.
+/// inliers from one side and if chance does not explain them. Chance is excluded if the number of
+/// false alarms NFA(k) (see estimation::FalseAlarms) is below 1e-4 for some number k of inliers, or
+/// below 1e-12 if the horizon crosses the reference, as in the picture of a street. A random target
+/// point in the area A of the target points has an error of at most e with the probability p = pi
+/// e² / A, where e is the largest error of the k inliers, but at least 1/sqrt(pi) px.
 ///
 /// An inlier counts only if it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves

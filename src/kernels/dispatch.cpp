@@ -80,7 +80,7 @@ bool hasFastGathers() {
   unsigned c = 0;
   unsigned d = 0;
   constexpr unsigned kExtendedFeatures = 7;
-  constexpr unsigned kAvx512Fp16 = 1U << 23;  // bit in register EDX
+  constexpr unsigned kAvx512Fp16 = 1U << 23;  // the feature's bit in register EDX
   return __get_cpuid_count(kExtendedFeatures, 0, &a, &b, &c, &d) != 0 && (d & kAvx512Fp16) != 0;
 #else
   return false;

@@ -101,7 +101,7 @@ class Chain {
   struct Stage {
     StageId id;
     bool (*is_on)(const MatcherOptions& options);
-    /// Runs the stage, and sets the input and output of its StageResult. Returns false if this pair
+    /// Runs the stage, and sets `input` and `output` of its StageResult. Returns false if this pair
     /// does not need the stage.
     bool (Chain::*run)(Context& context, StageResult& stage);
   };

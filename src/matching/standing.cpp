@@ -11,14 +11,14 @@ namespace {
 
 using util::position;
 
-// Keypoints are found at whole pixels of a pyramid level. So a still keypoint may move by one pixel
-// in the lower levels, where hot pixels are.
+// The position of a keypoint is a whole pixel of its pyramid level. So even a still keypoint may
+// move by one pixel on the lower levels, where hot pixels are found.
 constexpr double kStands = 0.7;  // px
 constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
 
-/// Side of a pixel, px, on the coarser of the pyramid levels of a match's two keypoints. If the
-/// scene moves by less than this side, its keypoints stand still or move by one whole pixel of the
-/// level, all in the same direction.
+/// Side length, px, of a pixel on the coarser of the pyramid levels of a match's two keypoints. If
+/// the scene moves by less than this length, each of its keypoints stands still or moves by one
+/// whole pixel of the level, and all that move do so in the same direction.
 double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
   constexpr float kFinest = 31.F;  // size of a keypoint on the finest level, px
   const auto size = [](const Features& features, std::int32_t index) {
@@ -77,14 +77,14 @@ void Standing::collect(const Features& reference, const Features& target,
 }
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  constexpr std::size_t kLeast = 20;  // minimum number of moving matches; chance gives at most ten
+  constexpr std::size_t kLeast = 20;  // minimum; at most ten moving matches agree by chance
   // Minimum number of moving matches, as a share of the number of still matches.
   constexpr double kLeastShare = 0.05;
-  // Minimum spread of moving matches, as a share of the spread of still matches; matches in half an
-  // image have 0.76.
+  // Minimum spread of the moving matches, as a share of the spread of the still matches. If the
+  // moving matches cover only half of the image, this share is 0.76.
   constexpr double kLeastSpread = 0.75;
-  // Maximum distance of the two centres, in spreads of still matches; matches in two halves have
-  // 0.9.
+  // Maximum distance between the centres of moving and still matches, as a multiple of the spread
+  // of the still matches. Matches in the two halves of an image are 0.9 apart.
   constexpr double kFarthest = 0.5;
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {

@@ -26,7 +26,7 @@ class Standing {
   /// part of the image where the other matches stand still. An object that moves in front of a
   /// still camera covers less of the image.
   bool isScene(const std::vector<std::uint8_t>& mask);
-  /// Lowers matches that do not move to Level::kt.
+  /// Lowers the level of each match that does not move; the new level is Level::kt.
   static void drop(const Features& reference, const Features& target,
                    std::vector<Correspondence>& matches);
   /// Number of matches that passed the ratio filter and stand still at places where the homography

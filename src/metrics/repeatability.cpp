@@ -119,8 +119,8 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
       if (distance > 2.0 * kNormalisedRadius) continue;
       const double ratio = mapped[r].area() / found[t].area();
       if (std::min(ratio, 1.0 / ratio) < 1.0 - max_overlap_error) continue;
-      // Eight rows give the error to 3 %, which is enough to reject most pairs; 64 rows give it to
-      // 0.1 %.
+      // With eight rows the error is accurate to 3 %, which is enough to reject most pairs; with 64
+      // rows it is accurate to 0.1 %.
       if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
       const double error = overlapError(mapped[r], found[t], 64);
       if (error <= max_overlap_error) candidates.emplace_back(error, r, t);

@@ -9,7 +9,8 @@ namespace ktgp_orb::metrics {
 
 namespace {
 
-constexpr double kAlike = 0.6;  // least correlation; tilted checkerboards reach 0.65 to 0.95
+// Minimum correlation of a picture and its shifted copy; tilted checkerboards reach 0.65 to 0.95.
+constexpr double kAlike = 0.6;
 
 bool isPlain(const cv::Mat& picture) {
   // Minimum standard deviation, grey levels; with less contrast, OpenCV finds a match everywhere.

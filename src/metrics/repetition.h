@@ -6,9 +6,9 @@
 namespace ktgp_orb::metrics {
 
 /// Shifts, px, by which the middle of `picture` (half the width and height) looks like a part of
-/// `other`. They are the local maxima of the normalised correlation that are at least `least`, the
-/// best first. Returns only {0, 0} if the middle has a single grey level. Both pictures are
-/// CV_8UC1; `other` may be `picture`.
+/// `other`. The shifts are the local maxima of the normalised correlation with a value of at least
+/// `least`, sorted with the best first. Returns only {0, 0} if the middle has a single grey level.
+/// Both pictures are CV_8UC1; `other` may be `picture`.
 std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least);
 
 /// Longest period that can be found, as a share of the sides. With a longer period the overlap is

@@ -69,7 +69,7 @@ std::vector<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     if (chained) hints.prediction = guess / guess(2, 2);
     matcher_.match(keyframe->features, features, hints, result_);
     if (result_.homographyStatus() != Status::ok || result_.inliers < kLeastInliers) continue;
-    constexpr double kFrames = 20.0;  // matches over which the running mean averages
+    constexpr double kFrames = 20.0;  // length of the running mean, in matches
     plane_deviation_ += (result_.answer.plane_deviation - plane_deviation_) / kFrames;
     places.emplace_back(result_.answer.homography * keyframe->from_map);
     if (chained) break;

@@ -30,11 +30,11 @@ class Keyframes {
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
 
   void add(Features features, const Eigen::Matrix3d& from_map);
-  /// Replaces the position of each keyframe, map -> keyframe, by the result of `to`.
+  /// Replaces the position P of each keyframe (homography map -> keyframe) by to(P).
   void move(const std::function<Eigen::Matrix3d(const Eigen::Matrix3d&)>& to);
   std::size_t size() const { return keyframes_.size(); }
   void clear();
-  /// Running mean, over the matches to keyframes, of the deviation of the pairs from a plane, px.
+  /// Deviation of the matched pairs from a plane, px; a running mean over the matches to keyframes.
   double planeDeviation() const { return plane_deviation_; }
 
  private:

@@ -34,8 +34,8 @@ constexpr double kKeyframeOverlap = 0.6;
 // motion would hardly be visible.
 constexpr double kLeastMotion = 0.03;
 // A new map begins if frames have been lost for kLostSeconds (s) and more than kLostFrames frames
-// have been lost. Until then, each new frame is searched for in the old map. The number matters for
-// photographs, which arrive seldom: one or two of them may be blurred.
+// have been lost. Until then, each new frame is searched for in the old map. kLostFrames matters
+// for photographs, because they arrive seldom, and one or two of them may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
 // Longest time of a prediction, ns; an acceleration of 3 m/s² moves a camera by 15 mm in this time.
@@ -90,7 +90,7 @@ struct Mosaic::Impl {
   mosaic::Keyframes keyframes;
   std::optional<Eigen::Matrix3d> camera;    // K, if it is given
   Turn turn;                                // last result of testTurn() for this map
-  std::vector<Eigen::Matrix3d> turn_poses;  // poses of drawn frames all over the map
+  std::vector<Eigen::Matrix3d> turn_poses;  // poses of drawn frames, spread over the map
   double next_test = kFirstTest;            // distance at which testTurn() runs next, frame widths
   double closed_off = 0.0;                  // largest gap at the end of a full turn, px
   cv::Size size;
@@ -237,15 +237,15 @@ struct Mosaic::Impl {
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
                                              const Eigen::Matrix3d& by_chain) const {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
-    constexpr double kDrift = 0.2;  // px of drift for each frame without a keyframe
+    constexpr double kDrift = 0.2;  // px of drift per frame since the last match to a keyframe
     const auto shift = [&](const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) {
       return Eigen::Vector2d(surface().inFrame(from_map, place) - middle());
     };
     const Eigen::Vector2d apart = shift(by_map, middleInMap(by_chain));
     if (apart.norm() < kExact + kDrift * unchecked) return by_map;
     if (!metrics::repeatsAfter(grey, {apart.x(), apart.y()})) return by_map;
-    // At the end of a full turn, the chain has drifted by a few px. Any picture looks alike after a
-    // shift by a few px, so this is no repetition.
+    // At the end of a full turn, the chain has drifted by a few px. Any picture still looks similar
+    // after a shift by a few px, so this does not count as repetition.
     if (!surface().isPlane() && metrics::shortestPeriod(grey) == 0.0) return by_map;
     if (stamp - last_stamp >= kPredictable) return std::nullopt;
     Eigen::Vector2d predicted = middleInMap(*last);
@@ -279,8 +279,8 @@ struct Mosaic::Impl {
     return Placement::new_map;
   }
 
-  /// Finds the place of the frame by the keyframes and by the chain of homographies. Sets `reason`
-  /// if it finds none.
+  /// Finds the place of the frame from the keyframes and the chain of homographies. Sets `reason`
+  /// if it finds no place.
   std::optional<Eigen::Matrix3d> search(std::int64_t stamp, const Features& features,
                                         const std::optional<Eigen::Matrix3d>& by_chain) {
     std::optional<Eigen::Matrix3d> found = by_chain;

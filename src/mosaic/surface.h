@@ -33,14 +33,14 @@ class Surface {
   /// The plane of the first frame; a place in the map is a pixel of the first frame.
   Surface() = default;
   /// A cylinder with the radius fx about `axis`, a unit vector in the coordinates of the first
-  /// camera. A place in the map is (cx + fx angle, cy + fx height); the angle is 0 in the viewing
-  /// direction of the first frame.
+  /// camera. A place in the map is (cx + fx angle, cy + fx height). The angle is 0 in the viewing
+  /// direction of the first frame; the height is in radii.
   Surface(const Eigen::Matrix3d& camera, const Eigen::Vector3d& axis);
 
   bool isPlane() const { return period_ == 0.0; }
   /// Length of a full turn, px; 0 for the plane.
   double period() const { return period_; }
-  /// The place in the map of a point of the first frame, given in homogeneous px.
+  /// Maps a point of the first frame, in homogeneous px, to its place in the map.
   Eigen::Vector2d toMap(const Eigen::Vector3d& point) const;
   Eigen::Vector3d fromMap(const Eigen::Vector2d& place) const;
   /// `place`, moved by full turns so that it is as near to `other` as possible.
@@ -64,7 +64,8 @@ class Surface {
 
  private:
   Eigen::Matrix3d camera_ = Eigen::Matrix3d::Identity();
-  // Maps homogeneous px to the axes of the cylinder: to the right, along its axis, and ahead.
+  // Maps homogeneous px of the first frame to the coordinates of the cylinder: x points to the
+  // right, y along the cylinder's axis, and z ahead.
   Eigen::Matrix3d to_axis_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d from_axis_ = Eigen::Matrix3d::Identity();
   double period_ = 0.0;

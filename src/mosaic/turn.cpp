@@ -65,7 +65,8 @@ void setRotations(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& siz
   if ((is_upright ? turn.axis.y() : turn.axis.x()) < 0.0) turn.axis = -turn.axis;
 }
 
-/// Sets the camera that fits best. Returns whether the homographies determine its focal length.
+/// Sets `turn.camera` to the camera that fits the homographies best. Returns whether the
+/// homographies determine its focal length.
 bool estimate(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size, Turn& turn) {
   const auto off = [&](double focal) { return offOf(poses, size, cameraOf(size, focal)); };
   double best = kShortest * size.width;

@@ -50,7 +50,7 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground) {
   CameraPose pose;
   pose.axes = (svd.matrixU() * svd.matrixV().transpose()).transpose();
   pose.position = -(pose.axes * m.col(2));
-  // The unknown factor is negative, so the first two axes are reversed.
+  // At a negative height the homography's unknown factor is negative: reverse the first two axes.
   if (pose.position.z() < 0.0) {
     pose.axes.topRows<2>() *= -1.0;
     pose.position.z() *= -1.0;

@@ -41,8 +41,8 @@ Eigen::Matrix3d imageFromGround(const CameraPose& pose);
 /// Empty if there is no such pose above the ground.
 std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
 
-/// The constant velocity and angular velocity, in the moving frame, that take the camera from
-/// `from` to `to`, multiplied by the duration. This is the logarithm in SE(3).
+/// The logarithm in SE(3) of the motion from `from` to `to`: the constant velocity and angular
+/// velocity (in the moving camera's frame) of this motion, multiplied by its duration.
 Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
 /// Jacobian of constantTwist() with respect to a step (see moved) of `from` (6 columns) and a step
 /// of `to` (6 columns).

@@ -314,10 +314,10 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
   const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
   const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
   const Matrix86 by_keyframe =
-      // Change of the entries of h if the keyframe moves.
+      // Jacobian of the entries of h with respect to a step of the keyframe.
       -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));
   const Matrix6 follows =
-      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // change of the pose
+      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // Jacobian of the pose
   SeenTurn seen{keyframe->axes.transpose() * pose->axes, covariance.bottomRightCorner<3, 3>()};
   seen.by_tilt = follows.bottomRightCorner<3, 3>() - seen.rotation.transpose();
   return seen;

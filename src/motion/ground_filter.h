@@ -19,7 +19,7 @@ struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   /// Jacobian of these small rotations with respect to small rotations of the keyframe's camera. It
-  /// is the effect of a wrong normal.
+  /// tells how a wrong normal of the ground changes the seen rotation.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
@@ -59,12 +59,13 @@ class GroundFilter {
   /// Drops the map.
   void moveBase(const Pose3& base, const Covariance6& covariance_of_base,
                 const Pose3& base_to_camera);
-  /// Makes the reference of `motion` the keyframe. The newest pose belongs to this reference if
-  /// `at_reference` is set, otherwise to the frame to which `motion` leads. The covariance of
-  /// `motion` must be complete; this function takes the share that is due to the keyframe.
+  /// Makes the reference frame of `motion` the keyframe. If `at_reference` is true, the newest pose
+  /// is the pose of this reference, otherwise the pose of the target frame of `motion`. Pass the
+  /// full covariance of the homography; this function scales it to the part caused by the
+  /// keyframe's image (kOfKeyframe).
   void setKeyframe(const ImageMotion& motion, bool at_reference);
-  /// Adds a frame. `motion` leads from the keyframe to this frame. A homography has eight
-  /// parameters and a pose has six. The two remaining constraints correct the map and the readout
+  /// Adds a frame. `motion`: homography from the keyframe to this frame. Six of its eight degrees
+  /// of freedom determine the pose. The two remaining constraints correct the map and the readout
   /// time. Returns the innovation of these constraints. If the innovation is large, the variance of
   /// the homography is enlarged. If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
@@ -74,7 +75,7 @@ class GroundFilter {
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects the state by a reading of the newest pose. `of_kind`: noise that readings of this
-  /// kind have shown. `ground`: number of the ground below, see Innovations::add. A reading that
+  /// kind have shown. `ground`: identifies the ground below, see Innovations::add. A reading that
   /// contradicts the prediction gets less weight, see update(). Returns the misfit of the reading
   /// in standard deviations.
   template <int kRows>

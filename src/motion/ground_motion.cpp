@@ -52,15 +52,15 @@ struct GroundMotion::Impl {
   void widenForReadings(const GroundFrame& frame);
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void beginKeyframe(const GroundFrame& frame);
-  /// Number of the ground for the innovations of normals (see Innovations::add): contradictions on
-  /// the same ground count once. Over relief each keyframe sees its own sloping plane, so all
-  /// normals until the next keyframe get the keyframe's number. Otherwise each frame counts as new
-  /// ground.
+  /// Identifies the ground for the innovations of normals (see Innovations::add), because
+  /// contradictions on the same ground count once. Over relief each keyframe sees its own sloping
+  /// plane, so all normals until the next keyframe share its ground. Otherwise each frame counts as
+  /// new ground.
   std::int64_t seenSlope() const { return relief.isSeen() ? keyframe_stamp : newest_stamp; }
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
-  /// Whether the frame is later than the last pose, whose stamp may have been ahead of time.
+  /// Whether the frame is later than the last pose, which may have had a stamp ahead of its time.
   bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
@@ -89,7 +89,7 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  // Decaying sum of the products of given turns and seen turns, rad².
+  // Decaying sum of the dot products of the readings of turns and the turns that are seen, rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // angular velocity of the newest turn, rad/s
@@ -142,7 +142,7 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  if (place.was_one_ahead) velocity.interrupt();  // the last velocity has a wrong duration
+  if (place.was_one_ahead) velocity.interrupt();  // the duration of the last velocity was wrong
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
   return place.is_apart;
@@ -220,9 +220,9 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
   return placed(frame, image, GroundStatus::started);
 }
 
-/// Continues after a gap: the last velocity predicts the pose. If the reference is the previous
-/// frame, the pose of the reference is predicted. The homography then leads from the reference to
-/// the new frame, and also gives a velocity.
+/// Continues after a gap by predicting the pose from the last velocity. If the reference is the
+/// previous frame, this function predicts the pose of the reference instead; the homography then
+/// gives the pose of the new frame, and a velocity.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));
@@ -253,7 +253,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
 }
 
-/// Makes the reference of `image` the keyframe. The newest pose was found without a map.
+/// Makes the reference of `image` the keyframe, after the newest pose was found without a map.
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;

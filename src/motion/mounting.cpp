@@ -259,8 +259,8 @@ namespace {
 constexpr double kDegrees = 180.0 / util::kPi;  // per rad
 constexpr double kMilliseconds = 1e3;           // per s
 
-/// Formats a value and its standard deviation. The value has only the digits that are certain in
-/// view of the deviation.
+/// Formats a value and its standard deviation. Both are rounded to the first significant digit of
+/// the deviation, or to integers if the deviation is larger than 1.
 std::string plusMinus(double value, double deviation, const std::string& unit) {
   const double places = -std::floor(std::log10(std::max(deviation, 1e-6)));
   const int digits = static_cast<int>(std::max(places, 0.0));
@@ -296,8 +296,7 @@ void append(const char* what, const std::string& more, std::string& text) {
   if (!more.empty()) text += (text.empty() ? what : std::string("; ") + what) + more;
 }
 
-/// Returns a predicate that tells whether a value is larger than `least` and larger than noise
-/// explains.
+/// Returns a predicate: whether a value is larger than `least` and too large to be mere noise.
 auto matters(double least) {
   return [least](double value, double deviation) {
     constexpr double kCertain = 4.0;  // deviations
@@ -323,7 +322,7 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  // Share of the turn; less than the 3 % that cheap gyroscopes specify for their scale.
+  // As a share of the turn. This is less than 3 %, the scale error that cheap gyroscopes specify.
   const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",

@@ -14,13 +14,14 @@ namespace ktgp_orb::motion {
 ///
 /// Each new frame rotates the sums of all earlier readings into its own axes, by the rotation that
 /// the pictures show. For a perfect Imu, two quantities then stay constant: the sum of its turns
-/// less the turns of the pictures, and its direction n to the ground. A mounting error m, a delay
-/// d, a bias b and a relative scale error s change these quantities. To first order, after a time
-/// t, the sum of turns changes by m - w d + b t + s a, where w is the angular velocity and a the
-/// turn so far. The direction changes by n x (m - b t) + (w x n) d; here b is a drift of the
-/// pictures. A wrong normal adds three unknowns, which makes eleven in total. The constant cancels
-/// in the difference between the means of successive blocks of half a second. Weighted least
-/// squares with a memory of five minutes estimates the unknowns, and the residuals show the noise.
+/// less the turns of the pictures, and its measured direction n to the ground. A mounting error m,
+/// a delay d, a bias b and a relative scale error s change these quantities. To first order, after
+/// a time t, the sum of turns changes by m - w d + b t + s a, where w is the angular velocity and a
+/// the turn so far. The direction changes by n x (m - b t) + (w x n) d; here b is a drift of the
+/// pictures. A wrong normal adds three unknowns, which makes eleven in total. The constant part of
+/// each quantity cancels in the difference between the means of successive blocks of half a second.
+/// Weighted least squares with a memory of five minutes estimates the unknowns from these
+/// differences, and the residuals give the noise.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
@@ -28,8 +29,8 @@ class Mounting {
   /// `down` is used if `turn` is empty.
   void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
            const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
-  /// Call this after each frame. If add() was not called for the frame, the sum of turns ends; the
-  /// estimates stay.
+  /// Call this after each frame. If add() was not called for the frame, the sums of readings start
+  /// anew at the next add(); the estimates stay.
   void endFrame();
   /// The estimate in the base frame; empty if the motion so far does not show any of the unknowns.
   /// `to_base`: rotation from the camera to the base.

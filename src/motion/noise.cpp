@@ -8,8 +8,8 @@ namespace ktgp_orb::motion {
 namespace {
 
 // The fit of a plane removes most of the relief, but the seen plane is wrong by about twice the
-// deviation that remains. Half a picture is as wide as a third of the height, so the error of the
-// slope is 2 / (1/3) = 6 times this deviation.
+// deviation that remains. Half of the picture shows ground as wide as a third of the camera's
+// height, so the error of the slope is 2 / (1/3) = 6 times this deviation.
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 

@@ -31,7 +31,7 @@ struct Innovations {
   double variance = 1.0;   // running mean of Innovation::noise, as a multiple of the given variance
   int contradictions = 0;  // number of successive contradictions, each on different ground
   bool is_another = false;   // whether the newest measurement is a new contradiction
-  std::int64_t ground = -1;  // number of the ground of the newest measurement
+  std::int64_t ground = -1;  // identifies the ground of the newest measurement
   // Newest residual, in units of the given deviation.
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();
   std::array<double, 2> steps{};  // squared differences of successive residuals, the newest first
@@ -39,7 +39,7 @@ struct Innovations {
   // value; see addResidual().
   double scatter = 0.0;
 
-  /// Adds the innovation of a measurement. `on`: number of the ground below. Contradictions on the
+  /// Adds the innovation of a measurement. `on`: identifies the ground below. Contradictions on the
   /// same ground have the same cause, so they count once.
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;

@@ -11,7 +11,7 @@ namespace {
 // claim to be exact.
 constexpr double kLeastDeviation = 1e-6;
 
-// A beam of a range sensor must sink at least this much per metre. A flatter beam shows the height
+// Minimum drop of a range sensor's beam per metre of its length. A flatter beam shows the height
 // badly or not at all.
 constexpr double kLeastSink = 0.1;
 
@@ -109,7 +109,7 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
     rows.residual(0) = std::numeric_limits<double>::infinity();
     return rows;
   }
-  // Height that the beam loses per metre.
+  // Drop of the beam per metre of its length.
   const double sinks = reading.beam_direction.dot(downOf(pose));
   const double start = pose.position.z() + up.dot(reading.beam_origin);
   const double length = start / sinks;

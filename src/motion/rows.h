@@ -34,12 +34,12 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
                          const Eigen::Matrix3d& camera);
 
 /// Jacobians of the entries of h = M(pose) map: byPose() with respect to a step of the pose (see
-/// moved), byMap() with respect to the entries of E in map (I + E) with E(2,2) = 0.
+/// moved), byMap() with respect to the entries of E if `map` becomes map (I + E), E(2,2) = 0.
 Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const CameraPose& pose);
 Matrix8 byMap(const Eigen::Matrix3d& h);
 
-/// Converts a change of the entries of h to E: column i is the E for which h (I + E) differs from h
-/// by 1 in entry i only.
+/// Jacobian of E with respect to the entries of h: if E is column i, h (I + E) differs from h by 1
+/// in entry i only.
 Matrix8 mapFromEntries(const Eigen::Matrix3d& h);
 
 /// A linearised measurement of the newest and the previous pose: residual ~ slope * step of the

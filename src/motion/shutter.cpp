@@ -11,8 +11,8 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// Makes entry (2,2) zero by subtracting a multiple of I, which moves no point. Returns the other
-/// eight entries.
+/// Subtracts the multiple of I that makes entry (2,2) zero. As a flow, a multiple of I moves no
+/// point. Returns the other eight entries.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
       m - m(2, 2) * Eigen::Matrix3d::Identity();
@@ -66,7 +66,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   // Points that the frame does not show are left out.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
-  // Share of the readout time per unit of y.
+  // Delay of a row per unit of y at focal length 1, as a share of the readout time.
   const double share_of_row = camera(1, 1) / size.height;
   Matrix8 information = Matrix8::Zero();
   Vector8 sum = Vector8::Zero();
@@ -100,8 +100,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
 }
 
 /// A Kalman filter that follows a slowly varying flow. It learns its gain from the mean squared
-/// change so far, in units of the noise: along each eigenvector, the gain is 0 if this mean may be
-/// noise, and grows with the mean otherwise.
+/// change so far, in units of the noise: along each eigenvector, the gain is 0 if noise alone may
+/// explain this mean; otherwise it grows with the mean.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);

@@ -62,7 +62,7 @@ class Diagnosis {
   void setListening(bool listening);
   void setPaused(bool paused);
   /// `silence`: text that says which input is silent, and why. `mixture`: text that says that
-  /// several nodes publish the same input. Each may be empty.
+  /// several nodes publish the same input. Either text may be empty.
   void setInput(const std::string& silence, const std::string& mixture);
 
   /// Moves the window of ten seconds forward; called once a second, before the reports. The window

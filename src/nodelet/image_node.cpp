@@ -170,7 +170,7 @@ void NodeBase::reportStamps() {
 void NodeBase::reportRepeats() {
   constexpr double kMost = 0.1;  // share of repeated images above which they are reported
   // When a camera comes to a standstill, its images count as repeats until the standstill is
-  // noticed, after 0.1 s. This gives at most this many repeats.
+  // noticed, after 0.1 s. A single stop causes at most this number of repeats.
   constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));

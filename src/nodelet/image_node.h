@@ -45,7 +45,7 @@ class NodeBase : public nodelet::Nodelet {
   virtual void advertise() = 0;
   virtual void stopWorker() = 0;
   virtual void stopParameters() = 0;
-  /// Name of the table of parameters, see parametersOf.
+  /// Name of this nodelet's table of parameters, see parametersOf.
   virtual std::string nodelet() const = 0;
   /// Name of the second report to the diagnostics.
   virtual std::string workName() const = 0;

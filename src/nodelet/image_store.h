@@ -19,13 +19,13 @@ class ImageStore {
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Sets by how many images kImages and kLeast are raised. Takes effect with the next image.
+  /// Raises the limits kImages and kLeast by `images`. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
   /// of kImages are not counted, since they are too old for a homography. Images that arrived
-  /// before a taken image are not counted either: they never get a homography, since they repeat
-  /// another image or max_rate skipped them.
+  /// before an image that has been taken are not counted either. They never get a homography, since
+  /// they repeat another image or max_rate skipped them.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();

@@ -18,8 +18,8 @@
 namespace ktgp_orb {
 
 /// A topic that a nodelet listens to while its results are wanted. The callback runs in the queue
-/// of the node handle and gets each message only once. ROS may deliver messages twice, because it
-/// may connect a publisher and a subscriber of one process twice if they start at the same time.
+/// of the node handle. It gets each message only once, even if ROS delivers it twice: ROS may
+/// connect a publisher and a subscriber of one process twice if they start at the same time.
 class Input {
  public:
   virtual ~Input() = default;

@@ -25,7 +25,8 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-// Warn if a smaller share of frames has a geometry, or a larger share has things that stand still.
+// Warn if a geometry is found in a smaller share of the frames, or if things that stand still are
+// found in a larger share.
 constexpr double kMinShare = 0.5;
 
 }  // namespace
@@ -184,7 +185,7 @@ void MatcherNodelet::configure(KtgpConfig& config) {
 }
 
 /// Sends the configuration to the worker, where it takes effect as a whole between two frames. A
-/// newer configuration replaces one that still waits.
+/// newer configuration replaces an older configuration that still waits.
 void MatcherNodelet::sendConfiguration() {
   const ConfigurationConstPtr configuration =
       boost::make_shared<Configuration>(settings_.configuration());

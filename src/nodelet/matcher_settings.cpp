@@ -94,7 +94,7 @@ void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
 
 void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
   const bool none = image->width == 0 || image->height == 0;
-  if (!none) greyImage(image, configuration_.stretch);  // throws now for a bad image
+  if (!none) greyImage(image, configuration_.stretch);  // only a check: throws for a bad image
   configuration_.reference_image = none ? file_reference_ : image;
   ++configuration_.number;
 }

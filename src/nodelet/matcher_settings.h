@@ -14,8 +14,8 @@
 namespace ktgp_orb {
 
 /// Builds the matcher's configuration from parameters, files and messages. Used only in the thread
-/// of the settings queue. A function that returns true has changed configuration() as a whole and
-/// counted the change; a function that throws has changed nothing.
+/// of the settings queue. If a function returns true, it has updated configuration() completely and
+/// incremented its number. If a function throws, configuration() is unchanged.
 class MatcherSettings {
  public:
   const Configuration& configuration() const { return configuration_; }
@@ -24,13 +24,13 @@ class MatcherSettings {
   void configure(const KtgpConfig& config, const std::string& image_topic);
   /// Takes the lens from a camera_info; if it cannot be used, `problem` says why.
   bool setLens(const sensor_msgs::CameraInfo& info, std::string& problem);
-  /// Takes the camera of the two-view geometry from a camera_info in the same way.
+  /// Takes the camera of the two-view geometry from a camera_info; `problem`: as in setLens().
   bool setCamera(const sensor_msgs::CameraInfoConstPtr& info, std::string& problem);
   /// The next two functions throw RefusedImage for an unusable image.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
-  /// Reads the reference file again if it has changed. If `at_once` is false, reads a changed file
-  /// only if it is the same as at the last call, since a file may be half written. Throws
+  /// Reads the reference file again if it has changed. The file may be half written. So if
+  /// `at_once` is false, reads it only if it has not changed since the last call. Throws
   /// RefusedImage.
   bool rereadReference(bool at_once);
   const std::string& referenceFile() const { return reference_file_; }

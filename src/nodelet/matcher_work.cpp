@@ -30,7 +30,7 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  // A slow subscriber should not lose data, but it needs only the newest picture.
+  // Queue size 1: a slow subscriber should not lose data, but it needs only the newest picture.
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 

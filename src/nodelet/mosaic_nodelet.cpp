@@ -85,11 +85,11 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// Passes on every homography, since the homographies form a chain from frame to frame.
+/// Passes every homography to the mosaic, because they form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // Skips a frame whose stamp went back: a single wrong stamp does not break the chain, and if the
-  // recording was looped, the next frame starts a new chain.
+  // Skips a frame whose stamp went back. If only this stamp is wrong, the chain is not broken. If
+  // the recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
                  homographyOf(*message, size_));
@@ -170,7 +170,7 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
   ~MosaicNodelet() override { stop(); }
 
  private:
-  static constexpr std::size_t kCameraInfo = 3;  // kind of jobs, besides those of the base class
+  static constexpr std::size_t kCameraInfo = 3;  // kind of job; the base class defines 1 and 2
 
   void addOwnInputs() override;
   std::string nodelet() const override { return "mosaic"; }

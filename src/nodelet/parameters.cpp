@@ -11,8 +11,9 @@ namespace {
 
 using Kind = ParameterInfo::Kind;
 
-// Private parameters that are not dynamic: image_transport reads the first, the node reads the
-// second once at start, and the matcher uses the third to remember a reference across a restart.
+// Private parameters that are not dynamic. The package image_transport reads the parameter of the
+// same name. The node reads queue_size once at start. The matcher uses reference_was_set to
+// remember a reference across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
@@ -20,7 +21,7 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
-/// Refuses a double for an int parameter, which dynamic_reconfigure would truncate silently.
+/// Refuses a double for an int parameter, because dynamic_reconfigure would silently truncate it.
 [[noreturn]] void refusePoint(const std::string& parameter, double number) {
   std::ostringstream digits;
   digits.precision(15);

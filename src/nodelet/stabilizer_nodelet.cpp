@@ -72,8 +72,8 @@ void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
 
 void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // Skips a frame whose stamp went back: a single wrong stamp does not break the chain, and if the
-  // recording was looped, the next frame starts a new chain.
+  // Skips a frame whose stamp went back. If only this stamp is wrong, the chain is not broken. If
+  // the recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   ready_.clear();
   rectified_ = message->rectified != 0;

@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The canonical name of a kept list, because two nodes may know the list by different names, such
-/// as links. Throws std::invalid_argument with the reason if no list can be kept there.
+/// The canonical path of a kept list. Two nodes may use different paths, such as links, for the
+/// same list. Throws std::invalid_argument with the reason if no list can be kept at this path.
 std::string realNameOf(const std::string& list) {
   std::error_code none;
   const fs::file_status status = fs::status(list, none);
@@ -156,7 +156,7 @@ void TargetBook::replace(const SetTarget::Request& request) {
   set(request, is_unused ? &TargetFinder::add : &TargetFinder::replace);
 }
 
-/// Writes the files first, so that a full disk changes nothing.
+/// Writes the images and the new list first, so that a full disk does not change the targets.
 void TargetBook::set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&)) {
   const Target target = targetOf(request);
   TargetEntry entry{target.id, {}, target.width, target.frame, ""};
@@ -216,9 +216,9 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   return list;
 }
 
-/// Deletes images in the folder that no entry uses: a node was killed after it had written them, or
-/// before it could delete them. Touches only files with names that writeImages() gives, such as
-/// 12.png and 12.unfinished0.png.
+/// Deletes images in the folder that no entry uses. They are left over if a node was killed after
+/// it had written them, or before it could delete them. Deletes only files with names that
+/// writeImages() gives, such as 12.png and 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;
   for (const TargetEntry& entry : entries) {

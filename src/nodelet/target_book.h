@@ -16,10 +16,12 @@
 
 namespace ktgp_orb {
 
-/// The nodelet's targets from a folder, a list or services, kept in a file. Not thread-safe.
+/// Manages the nodelet's targets, which come from a folder, a list or services, and keeps their
+/// list in a file. Not thread-safe.
 class TargetBook {
  public:
-  /// Calls a function with the TargetFinder that gets the targets, and passes its exceptions on.
+  /// Calls the given function with the TargetFinder to which the targets are added. Exceptions of
+  /// the given function reach the caller.
   using UseFinder = std::function<void(const std::function<void(TargetFinder&)>&)>;
 
   explicit TargetBook(UseFinder use_finder) : use_finder_(std::move(use_finder)) {}
@@ -64,8 +66,8 @@ class TargetBook {
   void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
-  /// Writes a new list beside the kept list; commit() of the result replaces the kept list. Null if
-  /// no list is kept.
+  /// Writes the new list to a file next to the kept list; commit() of the result replaces the kept
+  /// list. Null if no list is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;

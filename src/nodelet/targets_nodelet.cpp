@@ -21,7 +21,7 @@
 
 namespace ktgp_orb {
 
-/// Holds the known and the followed targets, and publishes the detections.
+/// Finds the known targets in images, follows them, and publishes the detections.
 class TargetsWork {
  public:
   TargetsWork(Diagnosis& diagnosis, const ros::Publisher& detections, const ros::Publisher& markers,

@@ -12,10 +12,10 @@ namespace ktgp_orb::overlay {
 inline const cv::Scalar kWhite(255, 255, 255);
 inline const cv::Scalar kBlack(0, 0, 0);
 
-/// Colour (BGR) of the matches that ended at a stage, from knn to ktgp. Final matches of an
-/// epipolar geometry are green. The colours are from Okabe & Ito, "Color Universal Design" (2008),
-/// and can be distinguished with all kinds of colour vision. Grey is for matches that the ratio
-/// filter removed.
+/// Colour (BGR) of the matches that ended at stage `level`, from knn to ktgp. Matches that the
+/// ratio filter removed are grey. Final matches of an epipolar geometry are green. The colours are
+/// from Okabe & Ito, "Color Universal Design" (2008), and can be distinguished with all kinds of
+/// colour vision.
 const cv::Scalar& colourOf(Level level, Geometry geometry);
 
 /// Copies the image as 8-bit BGR into `region`, which must have the same size. Throws

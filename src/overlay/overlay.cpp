@@ -79,7 +79,8 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  // The outline is cut off where points are 50 times as far away as its nearest part.
+  // Cuts off the outline where the third coordinate of the mapped points falls to 1/50 of its
+  // largest value at the corners (see partInView): the points beyond are mapped towards infinity.
   constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
@@ -253,10 +254,10 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
   return text;
 }
 
-/// Draws the panel at the left, from row `top` on, or from the top on if there is not enough room
-/// below this row. The panel shows the status, the time in milliseconds and the uncertainty of the
-/// corners. For each stage it shows a label, the number of matches that ended there, and a bar in
-/// the colour of the stage. `reference_size`: size of the reference image, px.
+/// Draws the panel at the left. Its first row is `top`, or row 0 if there is not enough room below
+/// `top`. The panel shows the status, the time in milliseconds and the uncertainty of the corners.
+/// For each stage it shows a label, the number of matches that ended there, and a bar in the colour
+/// of the stage. `reference_size`: size of the reference image, px.
 void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
                cv::Mat& canvas) {
   const Typeface face(canvas.size());

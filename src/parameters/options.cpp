@@ -49,9 +49,9 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether to choose options for a fixed reference: if reference_mode is fixed and no preset other
-/// than video was set. T_w shows whether a preset was set: ktgp and teblid set it to the threshold
-/// of a descriptor, and the presets for strongly different views set it to 1.
+/// Whether to choose options for a fixed reference: true if reference_mode is fixed and the user
+/// has set no preset, or only video. T_w shows whether another preset was set: ktgp and teblid set
+/// T_w to the threshold of a descriptor, and the presets for strongly different views set T_w to 1.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||
@@ -106,7 +106,7 @@ std::string noteOnFixed(const Parameters& parameters) {
 }
 
 std::string noteOnSize(int longer_side) {
-  // Largest longer side without advice, px; the top of the pyramid's 8 levels then has 700 px.
+  // Longer images get advice, px. At this length, the top of the pyramid's 8 levels has 700 px.
   constexpr int kLargest = 2500;
   if (longer_side <= kLargest) return {};
   return "the images are " + std::to_string(longer_side) +

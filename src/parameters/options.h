@@ -20,9 +20,10 @@ struct PipelineOptions {
 /// name for values that the core refuses.
 PipelineOptions pipelineOptions(const Parameters& parameters);
 
-/// Like pipelineOptions(), for a sequence, with the options of the reference. The paper's method is
-/// for neighbouring frames, but a fixed reference may be seen from anywhere. So reference_mode
-/// fixed replaces defaults by options for strongly different views, unless a preset was chosen.
+/// Like pipelineOptions(), but for a sequence; includes the options of the reference. The paper's
+/// method is for neighbouring frames, but a fixed reference may be seen from anywhere. So for a
+/// fixed reference, options for strongly different views replace defaults, unless a preset was
+/// chosen.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
 /// Tells users which options sequenceOptions() chose for a fixed reference; empty if it chose none.

@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// The names in a text of choices: a and b for "a: text; b: text".
+/// Names of the choices that a text describes: for example, a and b for "a: text; b: text".
 std::vector<std::string> namesOfChoices(const std::string& choices) {
   std::vector<std::string> names;
   std::istringstream entries(choices);
@@ -69,7 +69,7 @@ std::vector<ParameterRow> readRows() {
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;
-  // A named variable, since GCC 13 and 14 would warn of a dangling reference to a temporary.
+  // Keep this variable: GCC 13 and 14 would warn of a dangling reference if it were a temporary.
   const std::string matcher = "matcher";
   for (const ParameterInfo& info : parametersOf(matcher)) {
     rows.push_back({info, fields[rows.size()]});

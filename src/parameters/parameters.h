@@ -38,7 +38,7 @@ class Limits {
   double high_ = 0.0;
 };
 
-/// A parameter of a nodelet, as the table of the nodelet describes it.
+/// A row of a nodelet's parameter table (parameters/*.def).
 struct ParameterInfo {
   enum class Kind { boolean, whole, number, text };
 
@@ -54,8 +54,8 @@ struct ParameterInfo {
   std::string expected() const;
 };
 
-/// The table of a nodelet: "matcher", "mosaic", "stabilizer", "targets" or "ground_motion". Throws
-/// std::invalid_argument for another name.
+/// The parameter table of `nodelet`, which is "matcher", "mosaic", "stabilizer", "targets" or
+/// "ground_motion". Throws std::invalid_argument for another name.
 const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
 /// The row of parameter `name`. Throws std::invalid_argument for an unknown nodelet or parameter.

@@ -24,7 +24,7 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 
-/// Map from the reference image, px, to the target, m.
+/// Maps positions in the reference image, px, to positions on the target, m.
 Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   const double metre = width / size.width;  // side of a pixel on the target, m
   Eigen::Matrix3d m;
@@ -101,7 +101,7 @@ struct PoseProblem {
 
   void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
                  estimation::NormalEquations& sums) const {
-    // Relative step of the finite differences, which are then accurate to 1e-10.
+    // Relative step of the finite differences. With this step, they are accurate to 1e-10.
     constexpr double kStep = 1e-6;
     util::SmallMatrix slope(8, parameters);
     for (int i = 0; i < parameters; ++i) {
@@ -117,7 +117,7 @@ struct PoseProblem {
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
   rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
-  // The fit ends at smaller steps: rad for the rotation, a share of the distance for the position.
+  // Largest step at convergence: rad for the rotation, share of the distance for the position.
   rules.converged = 1e-7;
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
@@ -182,14 +182,14 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   return util::SmallMatrix(*whitening * deviation.cwiseInverse().asDiagonal());
 }
 
-// The scale of the errors is not known, because the covariance does not include the effect of a
-// wrong K, or of a picture with other proportions than the object. The prior of the squared scale
-// counts like kPrior measurements with the claimed scale, so the squared error of a pose has the
-// likelihood of Student's t distribution. With a prior of one measurement, the 50, 75 and 90 %
+// The scale of the errors is unknown, because the covariance does not include the effect of a wrong
+// K, or of a picture whose proportions differ from the object's. The prior of the squared scale
+// weighs as much as kPrior measurements with the claimed scale. The likelihood of a pose then
+// follows from Student's t distribution of its squared error. With kPrior = 1, the 50, 75 and 90 %
 // quantiles of the squared error should be 3, 15 and 99; in the frames of a real video, they were
 // 5, 21 and 71.
 constexpr double kPrior = 1.0;
-constexpr double kFreedom = 2.0;  // eight entries of H, less six parameters of a pose
+constexpr double kFreedom = 2.0;  // eight entries of H minus six parameters of a pose
 
 /// Sorts two poses by their likelihood and sets their shares. Removes the second pose if it is much
 /// less likely than the first.
@@ -226,8 +226,8 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
   return poses;
 }
 
-// Size of a grid of points all over a reference image. A rolling shutter bends the picture, so the
-// homography is fitted to the whole picture, not only to its corners.
+// Size of a grid of points that covers a reference image. A rolling shutter bends the picture, so
+// the homography is fitted to the whole picture, not only to its corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
@@ -251,9 +251,9 @@ util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& ho
   return jacobian;
 }
 
-/// Changes `homography` by Gauss-Newton steps until it maps `points` as near as possible to
-/// `wanted`, and returns the Jacobian of the mapped points with respect to its entries. The given
-/// homography must already be near the result.
+/// Least-squares fit of `homography`, which shall map `points` to `wanted`, by Gauss-Newton steps.
+/// The given homography must already be near the result. Returns the Jacobian of the mapped points
+/// with respect to the entries of the fitted homography.
 util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
                            Eigen::Matrix3d& homography) {
   constexpr int kSteps = 3;
@@ -275,8 +275,8 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
-  // An image has been read when the next one begins, so the readout time is at most `seconds`, in
-  // either direction.
+  // An image is read out completely before the next one begins, so the readout time is at most
+  // `seconds`, in either direction.
   const double deviation = std::min(util::kUnknownReadout, seconds / std::sqrt(3.0));
   const Vector8 change =
       util::entriesOf(

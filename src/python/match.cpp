@@ -63,7 +63,8 @@ std::string textOf(const Match& match) {
          " inliers, found by " + match.found_by + ">";
 }
 
-/// Hints for the matcher. Throws std::invalid_argument for a K that the geometry would not use.
+/// Hints for the matcher. Throws std::invalid_argument if a K is given but options.geometry is
+/// homography, which does not use it.
 MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Matrix3d>& camera,
                    const std::optional<Eigen::Matrix3d>& target_camera) {
   if ((camera || target_camera) && options.geometry == GeometryModel::homography) {

@@ -17,10 +17,10 @@ struct Settings {
   pybind11::kwargs changes;
 };
 
-/// The parameters of a preset, changed by keywords with the names of doc/parameters.md, e.g.
-/// T_w=0.8. If a keyword changes the descriptor and none sets T_w, T_w becomes the default of the
-/// new descriptor. Throws std::invalid_argument for an unknown preset or name, a name outside
-/// `scope`, and a value out of its range.
+/// The parameters of a preset, changed by keyword arguments such as T_w=0.8; doc/parameters.md
+/// lists their names. If a keyword changes the descriptor and none sets T_w, T_w becomes the
+/// default of the new descriptor. Throws std::invalid_argument for an unknown preset or name, a
+/// name outside `scope`, and a value out of its range.
 Parameters parametersFrom(const Settings& settings, Scope scope);
 
 /// Defines __init__(preset, **parameters) and pickling for a class whose objects are made from

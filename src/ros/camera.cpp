@@ -49,7 +49,7 @@ void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   }
 }
 
-/// Whether the lens has neither distortion nor a rotation, so that all points keep their place.
+/// Whether the lens moves no point, because it has neither distortion nor a rotation.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
                                     [](double coefficient) { return coefficient != 0.0; });

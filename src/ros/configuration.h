@@ -26,9 +26,9 @@ struct Configuration {
   util::GreyStretch stretch =
       util::GreyStretch::percentile;  ///< how 16-bit images are converted to 8 bits
   CameraView view;             ///< applies to the images of the camera, not to reference_image
-  bool rectify = false;        ///< whether the lens in `view` is wanted
+  bool rectify = false;        ///< whether points should be rectified with the lens in `view`
   std::string lens_problem;    ///< why `view` has no lens; empty: no problem
-  std::string camera_problem;  ///< why `view.camera` cannot be used
+  std::string camera_problem;  ///< why `view.camera` cannot be used; empty: no problem
   double max_rate = 0.0;       ///< Hz; 0: all frames
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;

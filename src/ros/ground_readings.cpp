@@ -23,11 +23,11 @@ constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
 /// Inserts a message in the order of the stamps, since stamps may jitter. If a stamp goes back by
-/// more than kWentBack, the message is held in `apart`, as in StampOrder. If the next message does
-/// not continue from the message in `apart`, the stamp of the latter was wrong, and it is dropped.
-/// If both messages continue from the second newest one, the stamp of the newest was ahead of its
-/// time, and the newest is removed. Otherwise a bag was looped or a clock was set, so all older
-/// messages are removed.
+/// more than kWentBack, the message is held in `apart`, as in StampOrder, and the next message
+/// decides. If the next message does not continue from `apart`, the stamp of `apart` was wrong, and
+/// `apart` is dropped. If `apart` and the next message continue from the second newest message in
+/// `messages`, the stamp of the newest was ahead of its time, and the newest is removed. Otherwise
+/// a bag was looped or a clock was set, so all messages in `messages` are removed.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages, std::optional<Message>& apart) {
   constexpr std::size_t kKept = 1000;  // messages
@@ -254,7 +254,8 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  // The scale is wrong if the ratio differs from 0 and 1 by more than this. Noise gives below 0.02.
+  // The scale is wrong if the ratio differs from both 0 and 1 by more than this. If there is only
+  // noise, the difference is below 0.02.
   constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
@@ -466,9 +467,9 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
-  // A given readout_time is a prior with a standard deviation of a tenth of its value, so it pulls
-  // the estimate towards it. If the estimate is more than three of these deviations away, the
-  // pictures outweigh the prior.
+  // A given readout_time is the mean of a prior with a standard deviation of a tenth of its value,
+  // and pulls the estimate towards this value. If the estimate is still more than three of these
+  // deviations away, the pictures outweigh the prior.
   constexpr double kShare = 0.3;
   constexpr double kCertain = 5.0;  // standard deviations of the estimate
   if (readout_time == -1.0) return "";

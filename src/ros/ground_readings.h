@@ -45,7 +45,7 @@ class GroundReadings {
   /// Options for the camera's images. Throws std::invalid_argument if tf does not know the pose of
   /// the camera.
   GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
-  /// Combines a homography to an image of `size` with all usable readings. Throws
+  /// Combines a homography with all usable readings. `size`: size of its target image, px. Throws
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);

@@ -41,10 +41,10 @@ struct Format {
   int to_bgr = kNoCode;  ///< OpenCV's code for the conversion of YUV to BGR
 };
 
-/// All supported encodings; only newer versions of sensor_msgs define uyvy, yuyv and nv*. ROS names
-/// a Bayer pattern by the beginning of the first row, but OpenCV by the second row, beginning at
-/// the second pixel. An encoding that does not name its channels counts as BGR, OpenCV's usual
-/// order.
+/// All supported encodings; only newer versions of sensor_msgs define uyvy, yuyv and nv*. The name
+/// of a Bayer pattern in ROS begins with the first pixel of the first row, but in OpenCV with the
+/// second pixel of the second row. An encoding that does not name its channels counts as BGR,
+/// OpenCV's usual order.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -84,8 +84,8 @@ const std::vector<Format>& formats() {
   return all;
 }
 
-/// Compressed data that cannot be decoded gives an image without pixels, whose encoding is this
-/// text followed by the reason.
+/// If compressed data cannot be decoded, the result is an image without pixels. Its encoding is
+/// this text followed by the reason.
 constexpr char kUndecoded[] = "compressed image ";
 
 const Format& formatOf(const std::string& encoding) {
@@ -205,7 +205,7 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   std::string_view bytes(data, message.data.size());
   if (bytes.empty()) refuse("has no data");
   const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
-  // Size of the header, bytes: the kind of the data, and two parameters of depth in floats.
+  // Size of compressedDepth's header, bytes: kind of the data, two parameters for float depth.
   constexpr std::size_t kDepthHeader = 12;
   if (is_depth && message.format.rfind("32FC1", 0) == 0) {
     refuse("is depth in floats; expected an image, or depth of 16UC1");

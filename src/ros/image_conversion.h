@@ -46,15 +46,15 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch s
                   cv::Mat& buffer);
 
 /// The image in an encoding that can be warped: Bayer and YUV are converted to bgr8, other
-/// encodings stay unchanged. Throws RefusedImage as greyImage does.
+/// encodings stay unchanged. Throws RefusedImage like greyImage().
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
-/// Whether a channel of the encoding has 8 bits. Throws RefusedImage as greyImage does. The
-/// function bitDepth of sensor_msgs does not know yuv422_yuy2, nv12 and their like.
+/// Whether the encoding has 8 bits per channel. Throws RefusedImage for an unknown encoding. We do
+/// not use bitDepth() of sensor_msgs: it does not know yuv422_yuy2, nv12 and similar encodings.
 bool hasBytes(const std::string& encoding);
 
 /// The image as CV_8UC3 (BGR), or CV_8UC1 for grey images; 16-bit grey is stretched. Valid while
-/// `message` lives. Throws RefusedImage as greyImage does.
+/// `message` lives. Throws RefusedImage like greyImage().
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
 
 /// Applies a stabilizer's `warp` and keeps the size of the image. Outside of the image, the pixels
@@ -70,14 +70,14 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
 sensor_msgs::ImageConstPtr undecodedImage(const std_msgs::Header& header,
                                           const RefusedImage& reason);
 
-/// The memory of a frame's pixels: the message, or a matrix with the converted pixels.
+/// Keeps the pixels of a frame alive: the message, or a matrix with the converted pixels.
 struct PixelMemory {
   sensor_msgs::ImageConstPtr message;
   cv::Mat grey;
 };
 
-/// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
-/// that no pixel is copied between nodelets of one manager. Throws like greyImage.
+/// Sets `frame` to the image of the message, without features. If the message is mono8, the frame
+/// holds it, so that no pixel is copied between nodelets of one manager. Throws like greyImage().
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch, Frame& frame);
 /// Like toFrame() above, but keeps the pixels in `memory`.
 void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,

@@ -92,9 +92,9 @@ void reserve(std::size_t size, Correspondences& message) {
   message.track.reserve(size);
 }
 
-/// Index of an aligned point's correspondence in the message; empty for a guided match that
-/// disagrees with the aligned homography. Guided matches begin at index `guided`. The matches
-/// before and after `guided` are each in the order of the target's keypoints.
+/// Index, in the message, of the correspondence that belongs to the aligned point; empty for a
+/// guided match that disagrees with the aligned homography. `guided`: index of the first guided
+/// match. The guided matches, and the matches before them, are each sorted by target_index.
 std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
                                      const Correspondences& message) {
   const auto target = static_cast<std::uint32_t>(point.target_index);

@@ -27,7 +27,7 @@ struct MatchedFrame {
   const SequenceMatch& match;
   std::uint32_t configuration = 0;  ///< number of the configuration, see Configuration
   double latency = 0.0;             ///< s
-  std::uint64_t dropped = 0;        ///< this and the next four count frames since the start
+  std::uint64_t dropped = 0;        ///< counter of frames since the start, like the next four
   std::uint64_t lost = 0;
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;

@@ -37,7 +37,7 @@ class ImageSequence {
   cv::Size size_;
 };
 
-/// A message without poses. `header`: the image's. `frame_prefix`: prefix of the targets' frames.
+/// A message without poses. `header`: header of the image. `frame_prefix`: for the tf frames.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
                               const std::string& frame_prefix = "");
 

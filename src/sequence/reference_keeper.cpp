@@ -30,8 +30,9 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   return reference_;
 }
 
-/// The previous frame must not be older than max_age; a keyframe may be, if frames keep arriving. A
-/// previous frame whose stamp was ahead stays the reference, because its image is right.
+/// The previous frame must not be older than max_age. A keyframe may be older if frames keep
+/// arriving. If the stamp of the previous frame was ahead, this frame stays the reference, because
+/// its image is right.
 NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
   if (!previous_) return NoReference::none;
   constexpr double kMost = 9e18;  // ns

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::sequence {
 
-/// Why two frames must be from different cameras: their encodings or their lenses differ. Returns
+/// Why two frames cannot be from the same camera: their encodings or their lenses differ. Returns
 /// none if there is no such difference.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
@@ -19,8 +19,8 @@ class ReferenceKeeper {
  public:
   void setOptions(const ReferenceOptions& options);
 
-  /// The frame to which to match `next`; null if there is none, for the reason() given. Forgets a
-  /// reference that cannot belong to the same sequence, except a fixed reference.
+  /// The reference frame for `next`. If it is null, reason() says why. Forgets a reference that
+  /// cannot belong to the same sequence as `next`, unless it is the fixed reference.
   FramePtr referenceFor(const Frame& next);
   NoReference reason() const { return reason_; }
 
@@ -55,7 +55,7 @@ class ReferenceKeeper {
 
   ReferenceOptions options_;
   FramePtr fixed_;
-  FramePtr reference_;  // the previous frame or the keyframe, as the mode demands
+  FramePtr reference_;  // the previous frame or the keyframe, depending on the mode
   FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
   FramePtr apart_;      // the newest frame, if its stamp is out of order and may be wrong
   util::StampOrder order_;

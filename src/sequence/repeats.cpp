@@ -41,7 +41,7 @@ void keep(double value, std::size_t most, std::vector<double>& values) {
 
 bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                       std::int64_t last_stamp) {
-  // Longer intervals are cut to this, s; cameras with less than four images a second are rare.
+  // Limit for stored intervals, s, because cameras with less than four images a second are rare.
   constexpr double kLongest = 0.25;
   constexpr std::size_t kIntervals = 8;
   if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
@@ -54,8 +54,8 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   // Without stamps (0 s), a camera that stands still cannot be told from a camera that repeats
   // images.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // Keep the interval, except while the camera stands still. Also keep it at the first equal image
-  // that is too late for patience(), since this image may be a late repetition.
+  // Keep the interval, unless the camera continues to stand still. The first equal image after
+  // patience() has passed may be a late repetition, so its interval is kept, too.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }
@@ -65,16 +65,16 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
 
 /// How long an image may stay the same before the camera counts as standing still, s.
 double Repeats::patience() const {
-  // Patience without known intervals, s; cameras with less than ten images a second are rare.
+  // Patience if no interval is known, s; cameras with less than ten images a second are rare.
   constexpr double kUnknown = 0.1;
-  constexpr double kMore = 1.5;  // ratio to the longest recent interval, since intervals vary
+  constexpr double kMore = 1.5;  // times the longest recent interval, because intervals vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
 /// Whether the differences alternate between two groups, and `difference` is in the lower group. If
 /// a motion slows down, some differences lie between the groups, so the result is false. If a
-/// motion stops, it is false, too, since the differences fall to the lower group only once.
+/// motion stops, the result is false, too: the differences fall to the lower group only once.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; the noise of compression is larger

@@ -50,8 +50,8 @@ double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   return is_small ? std::clamp(kWanted / shorter, 1.0, kMost) : 1.0;
 }
 
-/// Returns `options` with additional levels, which enlarge the image by a factor of up to `scale`,
-/// but to at most 2500 px.
+/// Returns `options` with additional pyramid levels for enlarged copies of the image. The copies
+/// are up to `scale` times as large as the image, but at most 2500 px long.
 OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   constexpr double kLargest = 2500.0;  // px
   constexpr int kMostLevels = 16;
@@ -63,8 +63,8 @@ OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   return options;
 }
 
-/// Whether the features of the frame were found with options other than `wanted`. Features of two
-/// configurations must not be matched.
+/// Whether the features of the frame were found with options other than `wanted`. Features that
+/// were found with different options must not be matched.
 bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
   return !frame.image.empty() && frame.orb != wanted;
 }
@@ -79,8 +79,7 @@ void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) 
 
 }  // namespace
 
-// Sets how features keep their images. The sequence keeps the frames, so no image needs to be
-// copied.
+// Sets how features keep their images. Copies are not needed: the sequence keeps the frames.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
@@ -164,7 +163,7 @@ struct SequenceMatcher::Impl {
   std::optional<RelativePose> last_motion;  // motion between the previous frame and its reference
   double lost_milliseconds = 0.0;           // time spent on matches that were discarded
   bool fix_next_frame = false;
-  bool has_other_input = false;  // whether options or fixed reference changed since the answer
+  bool has_other_input = false;  // whether options or the fixed reference changed since `answer`
   bool had_reference = false;    // whether `answer` had a reference before it was cleared
 };
 

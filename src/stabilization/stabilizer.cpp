@@ -13,7 +13,7 @@ namespace {
 
 using util::requireInRange;
 
-// Largest distance in time of the frames that are used for smoothing, in standard deviations of the
+// Largest time difference to a frame that is used for smoothing, in standard deviations of the
 // weights.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
@@ -22,8 +22,9 @@ constexpr double kFadingTime = 0.5;    // s
 // weights need more margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still, which is used if the lag is 0. At 30
-// frames a second the whole history weighs 5, so this weight delays an even motion by 0.01 s.
+// Weight of the assumption that the camera stands still; only used if the lag is 0. At 30 frames
+// per second the earlier frames determine the slope of the line with a weight of 5 (sum of weight *
+// (time - mean time)²). So this weight delays an even motion by 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
@@ -40,8 +41,8 @@ double saturated(double share, double linear) {
 /// same time, returns their mean.
 class LineAtZero {
  public:
-  /// `stillness`: weight, at time 1, of the assumption that the line has no slope. It has an effect
-  /// only if there are few values.
+  /// `stillness`: weight of the assumption that the line has no slope; it is added to the sum of
+  /// weight * time². It has an effect only if there are few values.
   explicit LineAtZero(double stillness) : square_(stillness) {}
 
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {

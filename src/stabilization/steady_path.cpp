@@ -40,7 +40,7 @@ constexpr std::size_t kOverlap =
 // Number of frames before the overlap whose corrections are fixed when the next part is solved.
 constexpr std::size_t kKnown = 3;
 
-/// A point of the window; for each frame, the bounds and the best value of its correction, px.
+/// A point of the window, with the bounds and the best value of its correction in each frame, px.
 struct Track {
   Eigen::Vector2d place;  ///< position without correction, px
   Points low;
@@ -139,9 +139,9 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// The motion of the point that remains in the steady picture: the difference between the position
-/// to which the step maps the point and the point's position in the next frame's window. The motion
-/// is linear in the corrections.
+/// Adds the unknown remaining motion of the point in the steady picture to the program. It is the
+/// difference between the position to which the step maps the point and the point's position in the
+/// next frame's window, linearised in the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());

@@ -34,8 +34,8 @@ int blocksAlong(double length, double enlargement) {
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
-/// Dot product. The compiler can turn sixteen partial sums into vector code, but it must not change
-/// the order of a single sum.
+/// Dot product. It has sixteen partial sums, which the compiler can turn into vector code. It could
+/// not do so with a single sum, because it must not change the order of the additions.
 float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
   constexpr int kColumns = 16;
   float sums[kColumns] = {};
@@ -73,7 +73,7 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
 
 bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
-  // Longer side of the canvas, px; a larger canvas takes longer and gives the same place.
+  // Longer side of the canvas, px. A larger canvas takes longer but gives the same position.
   constexpr double kLongest = 48.0;
   constexpr double kLeastAlike = 0.4;  // minimum correlation; low, since compare() is stricter
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
@@ -154,9 +154,9 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
-/// Sum of the agreements at all decoy positions (the picture shifted by up to kDecoyReach blocks),
-/// plus one hit in one pair, so that the rate of chance hits is never 0. `largest`: raised to the
-/// highest share of hits at a shift with at least `fewest` pairs of blocks.
+/// Sum of the agreements at all decoy positions (the picture shifted by up to kDecoyReach blocks).
+/// One hit in one pair is added, so that the rate of chance hits is never 0. `largest` is raised to
+/// the highest share of hits among the shifts with at least `fewest` pairs of blocks.
 Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
   Agreement decoys{1.0, 1.0};
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
@@ -207,7 +207,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
 }
 
 double Appearance::shareThatDiffers() const {
-  // Correlation below which blocks differ; blurred blocks correlate more.
+  // Blocks with a smaller correlation differ; blocks that are only blurred have a larger one.
   constexpr float kUnlike = 0.2F;
   // The number of differing blocks is divided by at least this number of blocks. Otherwise, in a
   // small picture, a few blocks that differ by chance would give a large share.

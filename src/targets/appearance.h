@@ -25,7 +25,7 @@ class Appearance {
     /// log10 of the expected number of pictures that look as similar by chance.
     double log_false_alarms = 0.0;
     double agreement = 0.0;  ///< share of the blocks in view that look alike, 0..1
-    bool differs = false;    ///< most blocks in view have texture and do not look alike
+    bool differs = false;    ///< most blocks with texture in view do not look alike
   };
 
   /// Minimum ratio of the share of similar blocks at the homography's position to the largest such

@@ -17,8 +17,8 @@ class BitTables {
   static constexpr std::size_t kTables = 8;
   static constexpr int kMaxKeyBits = 20;
 
-  /// `fullest_cell`: cells with more descriptors are skipped, because a common key says little.
-  /// `most_other_bits`: how many of 32 bits outside the key may differ.
+  /// `fullest_cell`: if more descriptors than this share a key, they are skipped: the key says
+  /// little. `most_other_bits`: how many of 32 bits outside the key may differ.
   BitTables(std::uint32_t fullest_cell, int most_other_bits)
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 
@@ -85,8 +85,8 @@ class BitTables {
       const std::uint32_t* start = &tables_[t].start[run.begin];
       if (++t == end) t = first;
       const std::uint32_t length = start[1] - start[0];
-      // No branch here: empty cells are distributed at random, so the processor would mispredict
-      // it.
+      // No branch here: empty cells are distributed at random, so the processor would often
+      // mispredict a branch.
       runs[used] = {run.query, run.others, start[0], start[1], run.items};
       const bool is_used = length > 0 && length <= fullest_cell_;
       used += static_cast<std::size_t>(is_used);
@@ -107,7 +107,7 @@ class BitTables {
 
  private:
   struct Table {
-    // Index of the first item of each key, then the number of items.
+    // For each key, the index of its first item. The last entry is the number of items.
     std::vector<std::uint32_t> start;
     std::vector<Item> items;
   };

@@ -132,10 +132,10 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
 
 /// Whether a part of the image, such as a text, clearly differs from the picture found in it. The
 /// part must be so large that conflicts() can tell which of the two pictures is seen. Measured
-/// shares of differing blocks: at most 0.031 in 350 copies of pictures in another light, scale and
-/// blur, where the copy was found in the right place; at least 0.041 in different signs that have
-/// the same upper half and one word of the lower half in common. A glare with a sharp edge may have
-/// 0.08.
+/// shares of differing blocks: at most 0.031 in 350 copies of pictures with another light, scale
+/// and blur, if the copy was found in the right place; at least 0.041 in different signs that have
+/// the same upper half and one word of the lower half in common. Glare with a sharp edge may give a
+/// share of 0.08.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;

@@ -9,22 +9,22 @@
 
 namespace ktgp_orb::targets {
 
-/// The other pose in which a picture looks like itself, such as "turned by 180 degrees" (a playing
-/// card, a chessboard) or "moved by 12 % of its width" (a facade). No search can tell these poses
-/// apart. Empty if there is no such pose.
+/// Describes another pose in which the picture looks like itself, such as "turned by 180 degrees"
+/// (a playing card, a chessboard) or "moved by 12 % of its width" (a facade). No search can tell
+/// these poses apart. Empty if there is no such pose.
 std::string ambiguityOf(const TargetPicture& picture);
 
 /// Marks the doubtful targets (non-zero). A target is doubtful if another target explains the same
 /// part of the frame at least nearly as well (see FoundTarget::log_false_alarms). Two cases:
 /// - Both pictures have a part in common, such as a logo. Only this part of the doubtful target is
-/// seen, inside the other target. (A target that lies on top of the other is seen as a whole and
-/// looks like its picture as much as the other does. A target below the other is seen outside of
-/// it.)
+/// seen, inside the other target. (A target on top of the other is not doubtful: it is seen as a
+/// whole and looks like its picture as much as the other does. Neither is a target below the other:
+/// parts of it are seen outside of the other.)
 /// - Both targets cover nearly the same part of the frame.
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);
 
-/// Whether the target and a picture, in which it was found, show nearly the same part of the scene.
-/// A common part, such as the upper half of a sign, is not enough.
+/// Whether the target and `picture`, in which the target was found, show nearly the same part of
+/// the scene. A common part, such as the upper half of a sign, is not enough.
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store);
 
 }  // namespace ktgp_orb::targets

@@ -12,14 +12,14 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Votes that a target needs to be tried. The index returns only the most similar keypoints of all
-// targets, so each target has few wrong pairs.
+// Minimum number of votes of a target's best seed for the target to be tried. The index returns
+// only the most similar keypoints of all targets, so each target has few wrong pairs.
 constexpr std::int32_t kFewestIndexVotes = 2;
-// Votes that a seed needs to be grown. Each keypoint of the frame is paired with the most similar
-// keypoint of this target, so there are many wrong pairs.
+// Minimum number of votes for a seed to be grown. Each keypoint of the frame is paired with the
+// most similar keypoint of this target, so there are many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
-// Votes that a seed of a further instance needs. The limit is higher than for the first instance,
-// because most frames show only one instance.
+// Minimum number of votes for a seed of a further instance. It is higher than for the first
+// instance, because most frames show only one instance.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
 // The thorough tables are searched only if the best seed has at least this many votes.

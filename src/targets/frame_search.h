@@ -40,13 +40,13 @@ class FrameSearch {
   /// Finds at most options.max_instances instances of the target, appends them to `found`, and
   /// returns their number.
   int search(StoredTarget& target, std::vector<FoundTarget>& found);
-  /// Searches for one more instance within `radius` px of a prediction (picture's `image` -> frame,
-  /// px), by comparing the images, without keypoints. Appends it unless `found` has an instance of
-  /// this target there.
+  /// Searches for one more instance within `radius` px of the place that `prediction` (picture's
+  /// `image` -> frame, px) predicts. Finds it by comparing the images, not by keypoints. Appends
+  /// the instance unless `found` has an instance of this target there.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
-  /// The instances found since setFrame() whose corners are not determined.
+  /// Instances found since setFrame() that PictureSearch::isDetermined() rejects.
   std::vector<FoundTarget>& undetermined() { return undetermined_; }
 
  private:

@@ -174,10 +174,10 @@ Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
   return squares;
 }
 
-/// If a camera with a rolling shutter vibrates, rows are displaced together by more than the noise
-/// of their patches. The homography follows a part of this displacement, so the residuals do not
-/// show that part. The means of the bands of rows vary by more than the noise explains. For each
-/// band, this excess variance is added to the covariance.
+/// If a camera with a rolling shutter vibrates, neighbouring rows are displaced together, by more
+/// than the noise of their patches. The homography follows a part of this displacement, so the
+/// residuals do not show that part. If the mean residuals of the bands of rows vary by more than
+/// the noise explains, this function adds the excess variance of each band to the covariance.
 void PictureAligner::addVibration(UncertainHomography& estimate) {
   constexpr double kFitted = 3.0;  // number of bands that a homography can follow, per coordinate
   // Neighbouring patches overlap by half in x and y, so the noise variance of a mean is this many

@@ -14,7 +14,7 @@ namespace {
 using growth::Grower;
 using growth::kTargetPlan;
 
-// Radius of the search, px; small, since a fit to many seeds predicts better than one seed.
+// Search radius after a fit to many seeds, px; small, since the fit predicts better than one seed.
 constexpr float kRadiusAfterFit = 7.F;
 
 /// Whether the homography can be a view of the whole picture.
@@ -236,7 +236,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
 }
 
 bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
-  // Largest standard deviation of a corner, px; the smaller of its values in the two images counts.
+  // Largest standard deviation of a corner, px, in the image in which it is smaller.
   constexpr double kMostDeviation = 5.0;
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,

@@ -46,9 +46,9 @@ class PictureSearch {
   /// chance hit.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
-  /// Follows a picture that was seen in the last frame, without keypoints: the images are compared
-  /// near the predicted place, then aligned. `prediction`: picture -> frame, with an error of at
-  /// most about `radius` px.
+  /// Follows a picture that was seen in the last frame. Finds it by comparing the images near the
+  /// predicted place, not by keypoints; then aligns the images. `prediction`: picture -> frame,
+  /// with an error of at most about `radius` px.
   bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
               FoundTarget& found);
   /// Refines the homography by aligning patches of the picture with the frame.

@@ -13,7 +13,7 @@ constexpr double kOctave = 2.0;
 
 /// Enlargement of a frame if small targets are wanted; 1: none.
 double enlargementOf(int longer_side) {
-  // Wanted longer side, px; a larger frame takes longer, and large targets are lost.
+  // Wanted longer side, px. A search in a larger frame takes longer and misses large targets.
   constexpr double kEnlarged = 960.0;
   constexpr double kMost = 4.0;
   constexpr double kLeast = 1.25;  // a smaller factor finds hardly more targets

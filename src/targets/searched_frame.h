@@ -9,12 +9,12 @@
 
 namespace ktgp_orb::targets {
 
-/// A frame, resized for the search. A target below kSmallSide has too few keypoints, so the frame
-/// is enlarged to twice its size if small targets are wanted. A frame below 480 px is enlarged up
-/// to four times, because targets are smaller there. The longer side of an enlarged frame is at
-/// most kLargestFrame: a frame above half of this limit is enlarged less than twofold, and a frame
-/// above four fifths of the limit is not enlarged. A frame above kLargestFrame is shrunk, because
-/// the pyramid cannot find a target that fills it. Reuses its buffers.
+/// A frame, resized for the search. If small targets are wanted, the frame is enlarged to twice its
+/// size, because a target below kSmallSide has too few keypoints. A frame whose longer side is
+/// below 480 px is enlarged up to four times, because targets are smaller there. The longer side of
+/// an enlarged frame is at most kLargestFrame. So a frame above half of this limit is enlarged less
+/// than twofold, and a frame above four fifths of it is not enlarged. A frame above kLargestFrame
+/// is shrunk, because the pyramid cannot find a target that fills it. Reuses its buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);

@@ -34,7 +34,7 @@ class Seeds {
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// The seeds with at least `fewest_votes` votes, sorted by falling numbers of votes.
+  /// The seeds with at least `fewest_votes` votes, sorted by votes, most votes first.
   const std::vector<Seed>& best() const { return seeds_; }
   /// Votes of the best seed; 0 if there is no seed.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }

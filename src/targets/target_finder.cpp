@@ -116,8 +116,8 @@ struct Sequence {
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;
 };
 
-/// The order of the search: alternates between the target that has waited longest and the target
-/// with the most votes.
+/// Sorts the candidates for the search. Alternates between the target that has waited longest and
+/// the target with the most votes.
 std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
   const auto last_tried_of = [&](const Candidate& candidate) {
     const auto found = sequence.last_tried.find(candidate.target);
@@ -190,9 +190,9 @@ TargetFinderOptions TargetFinder::Impl::checkOptions(TargetFinderOptions options
   return options;
 }
 
-/// Makes `search` look for the known targets in `picture`. A small picture gets a border, since no
-/// keypoints are found near borders. `larger`: enlarges the picture as frames are enlarged. Returns
-/// the map from the searched picture to `picture`, px.
+/// Prepares `search` to find the known targets in `picture`. A small picture gets a border, because
+/// no keypoints are found near the border of an image. `larger`: enlarges the picture like a frame
+/// in which small targets are wanted. Returns the map from the searched picture to `picture`, px.
 Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, bool larger) {
   const int border = isSmall(picture) ? targets::kPictureBorder : 0;
   cv::Mat padded = picture.image;
@@ -228,7 +228,7 @@ const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bo
 
 /// Throws if a known target and a new picture show nearly the same part of the scene. A target that
 /// covers only a part of the picture, such as a logo, is allowed. A small picture has few keypoints
-/// in its own size, so it is enlarged and searched again.
+/// at its original size, so it is searched again after it was enlarged.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
@@ -361,11 +361,11 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Refines the homography by aligning patches with the original frame, in two cases. A shrunk
-/// searched frame shows fewer details than the original; this matters if the resolution of the
-/// picture is high enough. An enlarged searched frame has wider blur, so a patch shows fewer
-/// details; then small targets are not refined, because they have too few patches in the original
-/// frame.
+/// Refines the homography by aligning patches with the original frame, in two cases. First, if the
+/// searched frame was shrunk: it shows fewer details than the original, which matters if the
+/// resolution of the picture is high enough. Second, if the searched frame was enlarged: its blur
+/// is wider, so a patch shows fewer details. In the second case, small targets are not refined,
+/// because they have too few patches in the original frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // maximum px of the original frame per px of the picture
   if (frame->own().empty()) return;
@@ -390,10 +390,10 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
 
 /// Refines the instances in `found` from index `begin` on, and moves instances with undetermined
 /// corners to search.undetermined(). If the images could not be aligned, the frame is blurred or
-/// dark, or the view is steep; then the covariance is enlarged. Blur displaces neighbouring
-/// keypoints together, so many keypoints give hardly more information than a few: in drawn frames
-/// with 4 to 20 px of blur, the squared errors of the corners were 10 to 140 times the variances of
-/// the covariance, and some corners were 20 px off.
+/// dark, or the view is steep. Then the covariance is multiplied by kSharedDisplacement. Blur
+/// displaces neighbouring keypoints together, so many keypoints give hardly more information than a
+/// few. In drawn frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140
+/// times the variances of the covariance, and some corners were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const bool has_images = !frame->features().images.empty();

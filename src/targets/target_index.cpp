@@ -16,8 +16,8 @@ void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bi
   is_changing_ = true;
   Segment fresh;
   for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
-  // Segments that are not larger than the new segment are merged with it, as a binary counter
-  // carries. So each descriptor is sorted only a few times.
+  // Merge the new segment with the last segments while they are not larger than the merged one, as
+  // a binary counter carries. So each descriptor is sorted only a few times.
   std::size_t first = segments_.size();
   std::size_t size = fresh.entries.size();
   while (first > 0 && segments_[first - 1].entries.size() <= size) {
@@ -133,7 +133,7 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
                         std::vector<IndexHit>& pairs) {
   const std::vector<growth::Bits>& wanted = picture.bits();
   nearest_.assign(bits_.size(), {});
-  // Searches one table at a time, because one table fits into the processor's first cache.
+  // Searches one table at a time, because one table fits into the processor's first-level cache.
   for (std::size_t table = 0; table < BitTables::kTables; ++table) {
     tables_.find(
         table, table + 1, wanted.size(),

@@ -21,8 +21,8 @@ struct IndexHit {
 /// them.
 class TargetIndex {
  public:
-  /// Whether a picture may be added under this number, because the index has no entry of an earlier
-  /// picture with the number.
+  /// Whether a picture may be added under this number. False while the index has entries of an
+  /// earlier picture with the same number.
   bool isFree(std::uint32_t picture) const {
     return picture >= is_used_.size() || is_used_[picture] == 0;
   }
@@ -30,9 +30,10 @@ class TargetIndex {
   /// change until the picture is removed.
   void add(std::uint32_t picture, const std::vector<growth::Bits>& bits);
   void remove(std::uint32_t picture);
-  /// Sorts all descriptors into one set of tables if the last changes were large. This takes up to
-  /// a second for a thousand pictures, so it is done only if no target has changed since the last
-  /// call. Call it before each frame.
+  /// Sorts all descriptors into one set of tables if many of them were added or removed. This takes
+  /// up to a second for a thousand pictures. So it is done only if no target has changed since the
+  /// last call, or if more descriptors were removed than the largest segment holds. Call it before
+  /// each frame.
   void optimise();
 
   /// Appends the most similar descriptors, at most kNearest, for each of `queries`, which are
@@ -63,13 +64,13 @@ class TargetIndex {
   void keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const;
 
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
-  // By picture number: 1 while segments may hold entries of the picture.
+  // For each picture number: 1 while segments may hold entries of the picture.
   std::vector<std::uint8_t> is_used_;
   std::vector<Segment> segments_;  // sorted by size, the largest segment first
   std::size_t removed_ = 0;        // number of entries of removed pictures
   bool is_changing_ = false;       // pictures have changed since the last optimise()
-  // Number of queries in a block: the memory for one query is fetched during the work on the other
-  // queries of the block.
+  // Number of queries that are searched together, so that the memory for one query can be fetched
+  // during the work on the others.
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
@@ -78,16 +79,16 @@ class TargetIndex {
 /// Pairs the keypoints of one picture with the keypoints of the frame. Reuses its buffers.
 class FrameTables {
  public:
-  /// `key_bits`: 8..16; descriptors are compared only if this many bits, the key, are equal. Fewer
-  /// bits find more pairs and take longer.
+  /// `key_bits`: number of bits of a key, 8..16. Descriptors are compared only if they have an
+  /// equal key. Fewer bits find more pairs and take longer.
   explicit FrameTables(int key_bits) : key_bits_(key_bits) {}
 
   void setFrame(const std::vector<growth::Bits>& bits);
 
   /// Pairs each keypoint of the frame with the most similar keypoint of the picture, if their
   /// distance is at most kMaxDistance; a few pairs are missed. The clearest pairs come first: pairs
-  /// are sorted by their distance over the distance of the most similar keypoint at another place
-  /// of the picture. The pairs depend only on this picture and the frame.
+  /// are sorted by the ratio of their distance to the distance of the most similar keypoint at
+  /// another place of the picture. The pairs depend only on this picture and the frame.
   void match(std::uint32_t number, const growth::ReferenceFrames& picture,
              std::vector<IndexHit>& pairs);
 
@@ -98,7 +99,7 @@ class FrameTables {
   struct Nearest {
     std::uint32_t keypoint = 0;
     int distance = kMaxDistance + 1;
-    int elsewhere = kMaxDistance + 1;  // distance of the nearest keypoint at another place
+    int elsewhere = kMaxDistance + 1;  // distance of the most similar keypoint at another place
   };
 
   void keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,

@@ -15,7 +15,7 @@ namespace {
 // Minimum distance of a keypoint from the border of the target, in diameters of its patch, because
 // beyond the border the frame shows something else.
 constexpr double kInside = 0.35;
-// Levels of the pyramid at each of kSizes. All pyramids together reach down to a tenth of the
+// Number of pyramid levels at each of kSizes. All pyramids together reach down to a tenth of the
 // image's size, and each level has enough keypoints.
 constexpr int kLevels = 5;
 // Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
@@ -36,7 +36,7 @@ cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   return small;
 }
 
-/// Stores halves of the image, from which shrink() makes small copies faster.
+/// Stores copies of the image at a half, a quarter and so on of its size, to speed up shrink().
 void addHalves(TargetPicture& picture) {
   constexpr int kLeastSide = 64;  // px
   cv::Mat last = picture.image;

@@ -131,8 +131,8 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   };
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
-  // The readout time is unknown. With the covariance of the shutter, the fit would attribute large
-  // errors to the shutter, and might have no minimum. So the noise is enlarged by the misfit.
+  // The readout time is unknown. If the covariance includes the shutter, the fit attributes large
+  // errors to the shutter, and may have no minimum. So a large misfit enlarges the noise.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

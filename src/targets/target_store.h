@@ -24,9 +24,9 @@ class TargetStore {
  public:
   explicit TargetStore(const TargetFinderOptions& options) : options_(options) {}
 
-  /// Makes the pictures of `target`, each with `views` views. Use the number of views of the
-  /// options if the pictures are passed to add(). Throws std::invalid_argument with the reason if
-  /// the images cannot be used as a target.
+  /// Makes the pictures of `target`, each with `views` views. If you pass the pictures to add(),
+  /// use options.views as `views`. Throws std::invalid_argument with the reason if the images
+  /// cannot be used as a target.
   std::vector<TargetPicture> prepare(const Target& target, int views) const;
   StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
   void remove(const StoredTarget& target);

@@ -23,14 +23,14 @@ struct Track {
   bool is_matched = false;                             ///< the track has a detection in this frame
 };
 
-/// Gives each instance of a target a number that stays while the instance is followed.
+/// Gives each instance of a target a number that stays the same while the instance is followed.
 class Tracks {
  public:
   /// Converts all tracks to px of frames that are enlarged by `scale`.
   void setScale(double scale);
   /// Whether the next frame should be enlarged: true if no instance is followed, if an instance was
-  /// lost, or if the longer side of an instance is below 1.5 `side`. `side`: px of the original
-  /// frame.
+  /// lost, or if the longer side of an instance is below 1.5 times `side`. `side`: px of the
+  /// original frame.
   bool needsLargerFrame(double side) const;
   /// Call it before each frame.
   void beginFrame();

@@ -19,13 +19,13 @@ constexpr std::size_t kSeedMapValues = 10;
 constexpr std::size_t kReadBeyond = 16;
 
 constexpr float kVoteReach = 150.F;  ///< largest distance from the seed, px of the picture
-/// Minimum distance, px; nearer keypoints may show the same corner.
+/// Minimum distance from the seed, px; nearer keypoints may show the same corner.
 constexpr float kVoteApart = 8.F;
 constexpr float kVoteCosine = 0.85F;  ///< minimum cosine between the linear parts of the maps
 /// Largest difference of log_area: a factor of 1.6 in length.
 constexpr float kVoteLogArea = 0.94F;
 constexpr float kVoteSlack = 4.F;  ///< allowed error, px of the frame
-/// Allowed error, as a share of the distance from the seed.
+/// Allowed error, as a share of the distance from the seed; added in quadrature to kVoteSlack.
 constexpr float kVoteRelativeSlack = 0.25F;
 
 /// Whether `voter` is near `seed`, lies at the place that the map of `seed` predicts, and has a
@@ -55,8 +55,8 @@ inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
 struct VoteKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Counts how many of `count` voters agree with the seed. `columns` holds the first values of all
-  /// SeedMaps; `pitch` floats later begin the second values, and so on.
+  /// Counts how many of `count` voters agree with the seed. `columns`: the SeedMaps of the voters,
+  /// one column per value. The column of the next value begins `pitch` floats later.
   std::int32_t (*votes)(const float* columns, std::size_t pitch, std::size_t count,
                         const SeedMap& seed);
 };

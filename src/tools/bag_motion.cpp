@@ -69,7 +69,7 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-// Least step back of a restart, s; smaller steps are jitter or come from stamps in the future.
+// Minimum backward step at a restart, s; smaller steps are jitter or due to stamps in the future.
 constexpr double kWentBack = 1.0;
 
 /// Whether the clock was set back before the message at `place`, so that all messages before it

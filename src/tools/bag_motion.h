@@ -31,8 +31,8 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing if `options` has no path. `camera` replaces the bag's camera_info, unless it is
-  /// empty. Throws UnusableBag for a bag without a calibration.
+  /// If `options.path` is empty, this class does nothing. `camera`, if given, is used instead of
+  /// the bag's camera_info. Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
 
@@ -45,15 +45,15 @@ class BagMotion {
   std::string report() const;
 
  private:
-  /// Messages of one kind in the order of their stamps, so that a message with a stamp in the
-  /// future does not delay others. A new part begins when the clock was set back.
+  /// Messages of one kind, sorted by their stamps, so that a message with a stamp in the future
+  /// does not delay others. If the clock was set back, a new part begins.
   template <typename Message>
   class Readings {
    public:
     Readings() = default;
     Readings(const std::vector<Message>& arrived);  // NOLINT: the same in another order
-    /// Passes the messages with stamps up to `time` to `use`, and removes them. `restarted`: the
-    /// images have reached the next part.
+    /// Calls `use` with each message whose stamp is at most `time`, and removes these messages.
+    /// `restarted`: the stamps of the images have gone back, so the next part begins.
     template <typename Use>
     void passUntil(const ros::Time& time, bool restarted, const Use& use);
     bool goesOn() const { return parts_.size() > 1; }
@@ -79,8 +79,8 @@ class BagMotion {
   Readings<geometry_msgs::TransformStamped> transforms_;
   ros::Time last_;  // stamp of the newest image
   std::string rows_;
-  /// For each fault (its text without numbers): number of frames with the fault, and its first full
-  /// text.
+  /// For each problem, the number of frames with it, and its first full text. The key is the text
+  /// without numbers.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
   std::string shutter_;             // shutter report of the newest frame with motion
   std::optional<ImuMounting> imu_;  // last known mounting of the Imu

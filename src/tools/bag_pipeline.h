@@ -13,13 +13,13 @@
 
 namespace ktgp_orb::tools {
 
-/// Processes several images in parallel. Extracts the features and matches them; the match must
-/// wait if the reference depends on the results of earlier images (keyframe mode). Returns the
-/// images in their original order.
+/// Processes several images in parallel: extracts the features and, if possible, matches them. In
+/// keyframe mode the match must wait, because the reference depends on the results of earlier
+/// images. Returns the images in their original order.
 class FramePipeline {
  public:
-  /// A frame with features, and its early match. The match has no reference if it was not possible
-  /// to match early.
+  /// A frame with features, and the result of its early match. MatchAhead::reference is null if an
+  /// early match was not possible.
   using Prepared = std::pair<FramePtr, MatchAhead>;
 
   /// `fixed`: the reference of the fixed mode, else null. Uses at least one thread. Throws

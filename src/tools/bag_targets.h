@@ -13,8 +13,8 @@
 
 namespace ktgp_orb::tools {
 
-/// Options for the targets that are searched in the images. If `path` is empty, no targets are
-/// searched.
+/// Options of the search for targets in the images. If `path` is empty, no targets are searched
+/// for.
 struct TargetsInput {
   std::string path;  ///< folder of images, or YAML list
   /// Kind of the images: by_name, raw or rectified, see pixelsFrom().
@@ -32,13 +32,14 @@ std::vector<std::string> filesOfTargets(const std::string& path);
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic);
 
-/// Finds flat targets in the images of a bag as the nodelet does, but searches all of them in every
-/// image.
+/// Finds flat targets in the images of a bag as the nodelet does, but searches every image for all
+/// targets.
 class BagTargets {
  public:
-  /// Does nothing without a path. Reports every refused target, with the reason, on the standard
-  /// error. Throws std::invalid_argument for an unusable list, and FileError if none of its targets
-  /// can be used. `camera` replaces the recording's camera_info, unless it is empty.
+  /// If `input.path` is empty, no targets are loaded and find() always returns null. Prints every
+  /// refused target, with the reason, to the standard error. Throws std::invalid_argument for an
+  /// unusable list, and FileError if none of its targets can be used. `camera`, if given, is used
+  /// instead of the recording's camera_info.
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 

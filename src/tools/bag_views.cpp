@@ -84,7 +84,7 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
 
 namespace {
 
-/// The image to whose pixels the homographies refer: without distortion if there is a lens.
+/// The image that the homographies refer to; if there is a lens for its size, without distortion.
 cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
   cv::Mat picture = colourImage(image);
   if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;
@@ -291,7 +291,7 @@ void BagViews::close() {
   }
 }
 
-/// Describes how the last map is drawn; empty unless it is on a cylinder.
+/// Describes the panorama for the user; empty unless the last map is drawn on a cylinder.
 std::string BagViews::panorama() const {
   const auto panorama = mosaic_.panorama();
   if (!panorama) return {};

@@ -59,8 +59,8 @@ class SteadyVideo {
  public:
   SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
-  /// Adds the next image, at `stamp` ns, and the homography from the reference to it; empty if
-  /// there is none. Throws RefusedImage and FileError.
+  /// Adds the next image, with its `stamp` in ns, and the homography from the frame with the stamp
+  /// `reference` to this image; empty if there is no homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
   /// Repeats the previous image, so that the video keeps its rate.
@@ -105,7 +105,7 @@ class SteadyVideo {
   std::vector<Frame> frames_;  ///< frames of the whole recording
 
   Stabilizer stabilizer_;
-  /// Frames whose place on the path is not known yet, by their stamps.
+  /// Frames that wait until the stabilizer returns their homography; the key is the stamp.
   std::map<std::int64_t, Waiting> waiting_;
   std::vector<SteadyFrame> ready_;
 
@@ -155,7 +155,7 @@ class BagViews {
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;
   std::size_t unfit_ = 0;  // number of frames lost because the map's surface cannot show them
-  std::string why_unfit_;  // reason for the last of these frames
+  std::string why_unfit_;  // reason why the last of these frames was lost
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -120,7 +120,7 @@ MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const s
 }
 
 MatchWriter::~MatchWriter() {
-  // The bag's destructor closes it and throws if the disk is full, which would end the program.
+  // Close the bag here: its destructor throws if the disk is full, which would end the program.
   try {
     if (bag_) bag_->close();
   } catch (const std::exception&) {

@@ -32,7 +32,7 @@ class MatchWriter {
   /// Writes nothing for null. `topic`: the full name of the topic.
   void write(const std::string& topic, const TargetDetectionsPtr& detections,
              const ros::Time& time);
-  /// Writes a line only to the table, for an unmatched image. `status`: refused or repeated.
+  /// Writes a line for an unmatched image, only to the table. `status`: refused or repeated.
   void writeUnused(const std_msgs::Header& header, const std::string& status,
                    const std::string& reason);
 

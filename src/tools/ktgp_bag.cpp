@@ -84,7 +84,7 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   return openBag(arguments.in, arguments.selection);
 }
 
-/// The camera of --camera, for the images of the recording; empty if the option was not given.
+/// The camera_info made from --camera and the size of the first image; empty without the option.
 std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   const auto camera = cameraFrom(arguments.camera);
   if (!camera) return std::nullopt;
@@ -100,7 +100,7 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   return info;
 }
 
-/// Namespace of the output topics: `name`. If `name` is empty, the namespace is beside the image
+/// Namespace of the output topics. It is `name` or, if `name` is empty, `nodelet` beside the image
 /// topic, as for the nodelet.
 std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
@@ -263,7 +263,7 @@ class Run {
                step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
-  /// Explains once that the images do not fit the camera_info.
+  /// Explains, only once, why the images do not fit the camera_info.
   void explainNoMotion(const cv::Size& image) {
     if (!view_.camera || std::exchange(said_no_motion_, true)) return;
     try {
@@ -383,7 +383,8 @@ class Run {
   std::string refusal_;  // reason why the first unusable image was refused
 };
 
-/// Sets the camera for the two-view geometry; without camera_info there is no motion.
+/// Sets the camera for the two-view geometry. Without a usable camera_info, tells the user that
+/// only the geometry is estimated, and no motion of the camera.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
                const std::optional<sensor_msgs::CameraInfo>& camera, Configuration& configuration) {
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return;
@@ -442,7 +443,7 @@ void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
     const std::string change = changeOfCameraInfo(arguments.in, topic, used);
     if (!change.empty()) std::cerr << "ktgp_bag: " << change << '\n';
   } catch (const UnusableBag&) {
-    // The part of the program that needs the camera_info reports that it is missing.
+    // No warning here: the part that needs the camera_info reports that it is missing.
   }
 }
 
@@ -480,7 +481,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   arguments.views.lens = configuration.view.lens;
   if (!camera) sayIfCameraChanges(arguments, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
-    // The usual step between neighbouring images is not a gap, however long it is.
+    // The usual time between neighbouring images must not count as a gap, even if it is long.
     constexpr double kPeriods = 1.5;
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
@@ -494,8 +495,8 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   return code;
 }
 
-/// Checks a name in an option. ros::names::validate also accepts names that nobody can subscribe
-/// to.
+/// Checks a namespace of topics. We do not use ros::names::validate(), because it also accepts
+/// names that nobody can subscribe to.
 CLI::Validator nameOfTopics() {
   const auto check = [](const std::string& text) -> std::string {
     static const std::regex name("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*");
@@ -605,7 +606,7 @@ int run(int argc, char** argv) {
   completeViewOptions(app, arguments.views);
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  std::error_code none;  // a name that cannot be used is refused later
+  std::error_code none;  // ignored, because a name that cannot be used is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
     // A single write, since other processes may write to the same terminal.

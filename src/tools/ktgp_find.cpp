@@ -46,8 +46,8 @@ struct Arguments {
   TargetFinderOptions options;
 };
 
-/// The poses of the target in the camera's frame. The unit is the metre or, if the width of the
-/// target is unknown, this width.
+/// The poses of the target in the camera's frame, in metres or, if the width of the target is
+/// unknown, in widths of the target.
 PlanarPoses posesOf(const DetectedTarget& target, const Eigen::Matrix3d& camera) {
   return planarPoses(target.homography.homography, target.homography.covariance, camera,
                      target.image_size, target.width > 0.0 ? target.width : 1.0);

@@ -40,8 +40,8 @@ std::vector<double> valueOf(const Covariance8& matrix) {
   return rowsOf(matrix);
 }
 
-/// Refuses parameters that only apply to the images of a stream, such as camera_info and the region
-/// of interest. Accepts the other parameters of the stream, since they do not influence a match.
+/// Throws if a parameter for the images of a stream, such as camera_info or the region of interest,
+/// differs from its default. Accepts other parameters of the stream: they do not influence a match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {
@@ -70,7 +70,8 @@ std::string textOf(const ParameterInfo& info) {
   return info.unit.empty() ? info.text : info.text + " [" + info.unit + "]";
 }
 
-/// Values of the command line. The keys are the names of the parameters, "preset" and "params".
+/// Values from the command line. The key is the name of a parameter, or "preset" or "params" for
+/// these two options.
 using Given = std::map<std::string, std::string>;
 
 void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,

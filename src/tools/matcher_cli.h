@@ -13,18 +13,18 @@ namespace ktgp_orb::tools {
 
 using ktgp_orb::PipelineOptions;
 
-/// Adds an option for each parameter of the nodelet that decides the results of a recording, with
-/// the name, text, range and default of the table, and --preset and --params. `parameters` holds
-/// the defaults before parsing and the values after it: the command line overrides the file, the
-/// file overrides the preset. An unusable value ends parsing with a message that says what is
-/// expected.
+/// Adds --preset, --params and an option for each parameter of the nodelet that influences the
+/// results of a recording. The parameter table gives the name, text, range and default of the
+/// option. `parameters` holds the defaults before parsing and the values after it. The command line
+/// overrides the file, and the file overrides the preset. An unusable value ends parsing with a
+/// message that says what is expected.
 void addParameterOptions(CLI::App& app, Parameters& parameters);
 
 /// Adds options for the parameters that determine the result for a pair of images. `preset` is used
 /// if the command line has neither --preset nor --params; empty: no preset.
 void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
 
-/// The names and values of the parameters of addPipelineOptions.
+/// JSON object with the names and values of the parameters that addPipelineOptions() adds.
 nlohmann::json toJson(const PipelineOptions& options);
 
 /// The matrix as three rows.
@@ -35,7 +35,7 @@ std::vector<double> rowsOf(const Eigen::Matrix<double, Size, Size, Options>& mat
   const Eigen::Matrix<double, Size, Size, Eigen::RowMajor> rows = matrix;
   return {rows.data(), rows.data() + rows.size()};
 }
-/// The names and values of the fields of an answer.
+/// JSON object with the names and values of the fields of `answer`.
 nlohmann::json toJson(const UncertainHomography& answer);
 
 /// The text of a JSON document. Bytes that are not UTF-8, for example in a file name, are replaced.
@@ -44,21 +44,21 @@ std::string textOf(const nlohmann::json& json, int indentation);
 /// Adds the options --version and --force; --force sets `force`.
 void addCommonOptions(CLI::App& app, bool& force);
 
-/// Adds an option fx,fy,cx,cy: K of an image without distortion, px.
+/// Adds an option fx,fy,cx,cy: the camera matrix K of an image without distortion, px.
 CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
                              const std::string& text);
 /// K from the values of an option fx,fy,cx,cy; empty if the option was not given.
 std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 
-/// Refuses values of an option that are not a number in the range, including NaN.
+/// Refuses a value that is not a number or lies outside the range. Also refuses NaN.
 CLI::Validator numberIn(const Limits& range);
 
 /// Gives the option "--X_name" the text, unit, range and choices of the nodelet's parameter "name".
 /// Throws std::invalid_argument like parameterOf.
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
-/// Parses the command line. Empty if the program should continue. Otherwise the exit code: 0 after
-/// --help or --version, 2 if the command line is unusable.
+/// Parses the command line. Returns nothing if the program should continue, otherwise the exit
+/// code: 0 after --help or --version, 2 if the command line is unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
 /// Makes the plan from all values of the command line. Call this after parse().

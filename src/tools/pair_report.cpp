@@ -121,7 +121,7 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   return common;
 }
 
-/// The largest standard deviation in B of a corner of the common part, px.
+/// The largest standard deviation of a corner of the common part, px of B.
 double cornerDeviation(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   const UncertainHomography& answer = outcome.pair.match.answer;
   double largest = 0.0;

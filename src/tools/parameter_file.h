@@ -7,16 +7,16 @@
 
 namespace ktgp_orb::tools {
 
-/// Sets the parameters in a YAML file written by `rosparam dump` (flat, or below the node's name)
-/// or `dynparam dump`. Throws std::invalid_argument with the file and the problem: not YAML, an
-/// unknown parameter, a value out of its range.
+/// Reads the parameters from a YAML file written by `rosparam dump` (flat, or below the node's
+/// name) or `dynparam dump`. Throws std::invalid_argument with the file and the problem: not YAML,
+/// an unknown parameter, a value out of its range.
 void readParameterFile(const std::string& file, Parameters& parameters);
 
-/// Sets the parameters of config/NAME.yaml, which is built into the program. Throws
+/// Reads the parameters from config/NAME.yaml, which is built into the program. Throws
 /// std::invalid_argument for an unknown name.
 void readPreset(const std::string& name, Parameters& parameters);
 
-/// The text of each config/NAME.yaml, by its name.
+/// The texts of the files config/NAME.yaml; the key is NAME.
 const std::map<std::string, std::string>& presets();
 /// The names of all presets, for example "ktgp, robust".
 std::string namesOfPresets();

@@ -44,7 +44,7 @@ int runAndReport(const char* name, const std::function<int()>& program) {
 int runProgram(const char* name, const std::function<int()>& program) {
   // If the reader of our output ends early ("| head"), we still complete the other outputs.
   std::signal(SIGPIPE, SIG_IGN);
-  // A file beyond the limit of the shell (ulimit -f) then gives a write error with its reason.
+  // Beyond the shell's file size limit (ulimit -f), writing then fails with a reason to report.
   std::signal(SIGXFSZ, SIG_IGN);
   const int code = runAndReport(name, program);
   std::cout.flush();

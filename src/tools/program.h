@@ -11,7 +11,7 @@ namespace ktgp_orb::tools {
 constexpr int kExitDone = 0;           ///< everything was done
 constexpr int kExitUnusedData = 1;     ///< some data could not be used; messages say which
 constexpr int kExitUnusable = 2;       ///< options, inputs or outputs cannot be used
-constexpr int kExitInterrupted = 130;  ///< Ctrl-C; the same code as in a shell
+constexpr int kExitInterrupted = 130;  ///< interrupted (Ctrl-C); shells use the same code
 
 /// The exit codes as text for --help.
 constexpr const char* kExitCodes =
@@ -22,8 +22,8 @@ constexpr const char* kExitCodes =
 /// prints a message that begins with `name` and returns kExitUnusable.
 int runProgram(const char* name, const std::function<int()>& program);
 
-/// After this call, Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(), for programs
-/// that then complete their files.
+/// After this call, Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(). For programs
+/// that complete their files before they end.
 void stopWhenInterrupted();
 bool interrupted();
 

@@ -127,7 +127,7 @@ namespace ktgp_orb {
 
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points) {
-  constexpr double kClear = 2.0;        // smallest parallax beyond noise, in scales of the errors
+  constexpr double kClear = 2.0;  // least parallax, in scales of the errors; less may be noise
   constexpr double kLeastScale = 0.05;  // px
   points.clear();
   const std::optional<two_view::Cameras> cameras = two_view::camerasOf(input);
@@ -143,8 +143,8 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (geometry.mask[i] == 0) continue;
     if (homography::errorOf(far, pairs.reference[i], pairs.target[i]) < kClear * scale) continue;
-    // The target point is K' (R q + z t), where z is the inverse depth. Multiplied by the third
-    // coordinate, its equations are linear in z.
+    // The target point is K' (R q + z t), where z is the inverse depth. Multiplying by its third
+    // coordinate makes the equations linear in z.
     const Eigen::Vector3d q = cameras->referenceRay(pairs.reference[i]);
     const Eigen::Vector3d a = cameras->target * turn * q;
     const Eigen::Vector3d b = cameras->target * t;
@@ -157,8 +157,8 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
     ScenePoint point;
     point.pair = i;
     point.position = depth * q;
-    // `by_inverse`: shift of the target point per inverse depth, px. It gives the error along the
-    // ray. `across`: error across the ray.
+    // `by_inverse`: derivative of the target point with respect to the inverse depth, px. It
+    // determines the depth error along the ray. `across`: error across the ray.
     const Eigen::Vector3d seen = a + inverse_depth * b;
     const double by_inverse = slope.norm() / seen.z();
     const double depth_deviation = std::sqrt(2.0) * scale / by_inverse * depth * depth;

@@ -42,12 +42,12 @@ struct Cameras {
                   const Eigen::Vector2d& target, double max_error) const;
 };
 
-/// Whether the result has a motion. The motion of a rotation has no translation.
+/// Whether the result contains a motion. If the geometry is a rotation, the translation is zero.
 inline bool hasPose(const TwoView& view) {
   return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
 }
 
-/// The cameras of `input`; empty without K. Throws like TwoViewEstimator::estimate.
+/// The cameras of `input`; empty if K is not given. Throws like TwoViewEstimator::estimate.
 std::optional<Cameras> camerasOf(const TwoViewInput& input);
 
 /// Distance of the target point from the epipolar line of the reference point, px.
@@ -58,8 +58,8 @@ double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::
 /// Limit of the Sampson distance, as a share of the limit of the reprojection error.
 constexpr double kSampsonShare = 0.5;
 
-/// Sets mask, inliers and RMSE of `view` from its geometry, whatever its kind. `max_error`: as
-/// TwoViewOptions::max_error.
+/// Sets mask, inliers and RMSE of `view` from its geometry, which may be of any kind. `max_error`:
+/// see TwoViewOptions::max_error.
 void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, double max_error,
            TwoView& view);
 

@@ -179,7 +179,7 @@ double EpipolarPairs::distance(const Epipolar& g, std::size_t i) const {
 }
 
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
-  constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two checks of the sum
+  constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two tests against `give_up`
   const Points& points = pairs.scoring;
   const Eigen::Matrix3f f = model.matrix.cast<float>();
   const auto limit2 = static_cast<float>(pairs.limit * pairs.limit);
@@ -201,8 +201,8 @@ float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
   return cost;
 }
 
-/// The chirality selects the motion and rejects solutions with points behind a camera. Without
-/// cameras, all epipolar lines must have the same orientation (Chum, Werner & Matas, ICPR 2004).
+/// With cameras, all points of the sample must be in front of both cameras. Without cameras, all
+/// epipolar lines must have the same orientation (Chum, Werner & Matas, ICPR 2004).
 void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   models_.clear();
   Eigen::Matrix<double, 3, 7> reference;
@@ -297,8 +297,9 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
   sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Selects pairs near the geometry, but no points behind a camera: a wrong pair near its epipolar
-/// line has a large parallax and much influence. Rays that are parallel within the errors are kept.
+/// Selects pairs near the geometry. Leaves out points behind a camera, because a wrong pair near
+/// its epipolar line has a large parallax and much influence. Keeps rays that are parallel within
+/// errors.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
   constexpr double kBehind = 3.0;  // deviations
   const EpipolarPairs& pairs = *problem_.pairs;
@@ -327,7 +328,7 @@ std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::siz
 
 bool EpipolarFit::step(double reach, Epipolar& geometry) {
   constexpr std::size_t kEnough = 200;  // best pairs
-  constexpr double kScales = 3.0;       // the limit `reach` over the scale of the errors
+  constexpr double kScales = 3.0;       // assumed ratio of `reach` to the scale of the errors
   fit_.weights().setScale(reach / kScales);
   const auto freedom = static_cast<std::size_t>(problem_.pairs->freedom());
   const std::size_t n = select(geometry, reach, kEnough);
@@ -357,8 +358,8 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
   return true;
 }
 
-/// Leaves out one quarter of the cells after the other and fits again (the jackknife over groups).
-/// Returns the mean squared change of the motion over the value that `covariance` predicts.
+/// Leaves out each quarter of the cells in turn and fits again (the jackknife over groups). Returns
+/// the mean squared change of the motion, divided by the value that `covariance` predicts.
 double EpipolarFit::instability(const Epipolar& geometry, double cell,
                                 const Covariance6& covariance) {
   constexpr int kGroups = 4;
@@ -396,7 +397,7 @@ estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double
     const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
     const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
     clusters_.add(cell_[i], pull * e);
-    // Shared errors are linear: each shifts the target point along one axis by 1, u or v.
+    // Each of the six shared errors shifts the target point along one axis, by 1, u or v.
     const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
     by_shared.leftCols<3>() += pull * (by_target.x() * linear);
     by_shared.rightCols<3>() += pull * (by_target.y() * linear);

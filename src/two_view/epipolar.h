@@ -17,17 +17,17 @@
 namespace ktgp_orb::two_view {
 
 /// The epipolar geometry of two images, with x'^T F x = 0 between normalised coordinates. With
-/// known cameras, the parameters are those of the motion (five degrees of freedom); without
-/// cameras, they are the factors of F = U diag(1, s, 0) V^T (seven).
+/// known cameras, the parameters describe the motion (five degrees of freedom). Without cameras,
+/// they describe the factors of F = U diag(1, s, 0) V^T (seven degrees of freedom).
 struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
-  RelativePose motion;                               ///< motion, with cameras
-  Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< U, without cameras
+  RelativePose motion;                               ///< the motion; only with cameras
+  Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< U; only without cameras
   Eigen::Matrix3d v = Eigen::Matrix3d::Identity();
   double s = 1.0;
 };
 
-/// Point pairs scaled alike in both images, and the parameters of their epipolar geometry.
+/// Point pairs, normalised with one scale for both images; parametrises their epipolar geometry.
 class EpipolarPairs : public homography::NormalisedPairs {
  public:
   /// `order`: order of the pairs, best quality first. `max_error`: limit of the Sampson distance of
@@ -64,9 +64,9 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Tangent tangent(const Epipolar& geometry) const;
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
 
-  /// Distance of a pair from the motion, normalised units. If the point is in front of both
-  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; its
-  /// image's distance is divided by sqrt(2), because both images have errors.
+  /// Error of a pair with respect to the motion, normalised units. If the point is in front of both
+  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; the
+  /// target point's distance from its image is divided by sqrt(2), because both images have errors.
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
@@ -115,26 +115,26 @@ class EpipolarFit {
   /// Keeps a pointer to `pairs`, which must be sorted by quality, best first.
   void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
 
-  /// Makes one step with the best pairs whose error is below `reach`. Returns false if there are
-  /// not more of them than in a sample, or if they do not determine the step.
+  /// Makes one step with the best pairs whose error is below `reach`. Returns false if there are no
+  /// more such pairs than in a sample, or if they do not determine the step.
   bool step(double reach, Epipolar& geometry);
 
   /// Fits to convergence, with all pairs whose error is below twice the limit, and estimates the
   /// scale of the errors. Returns false if the pairs do not determine the geometry.
   bool minimise(Epipolar& geometry);
 
-  /// Covariance of the parameters after minimise(). Errors of pairs in one of the cells, `cell`
-  /// normalised units wide, may be correlated (Liang & Zeger, Biometrika 1986). `shared`: standard
-  /// deviation of errors that vary linearly over the image, normalised units. Infinite if it is
-  /// not known.
+  /// Covariance of the parameters after minimise(). Errors of pairs in the same cell may be
+  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell; `shared`: standard
+  /// deviation of errors that vary linearly over the image; both in normalised units. The
+  /// covariance is not finite if the pairs do not determine the parameters.
   estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
 
   /// Factor for `covariance`, > 1 if the motion changes more than `covariance` predicts when a part
   /// of the image is left out of the fit. Changes the state that minimise() left.
   double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
 
-  /// After minimise(): scale of the Sampson distances of pairs with the deviation 1, normalised
-  /// units.
+  /// After minimise(): scale of the Sampson distances of pairs with the relative deviation 1,
+  /// normalised units.
   double scale() const { return fit_.weights().scale(); }
 
  private:
@@ -150,10 +150,10 @@ class EpipolarFit {
   int left_out_ = -1;       // group that select() leaves out; -1: none
 };
 
-/// Sum of the squared Sampson distances, each at most limit². Incomplete if above `give_up`.
+/// Sum of the squared Sampson distances, each at most limit². Stops when the sum exceeds `give_up`.
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up);
 
-/// Models, cost and steps of an epipolar geometry for estimation::ProsacSearch.
+/// Provides estimation::ProsacSearch with the models of a sample, their costs and refining steps.
 class EpipolarProblem {
  public:
   using Model = Epipolar;

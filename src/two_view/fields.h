@@ -17,8 +17,8 @@ struct NumberField {
   const char* text;  ///< meaning, unit, range
 };
 
-/// Calls `visit` for each number of a two-view geometry in messages and files, with its NumberField
-/// and its member in each of the `holders` (TwoView, messages, or none).
+/// Calls `visit` for each number of a two-view geometry in messages and files. Passes its
+/// NumberField and its member in each object of `holders` (TwoView, messages, or none).
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit(NumberField{"probability",

@@ -75,7 +75,7 @@ bool Hypotheses::isKnown(const Epipolar& geometry) const {
 
 void Hypotheses::start(const RelativePose& motion) {
   constexpr int kSteps = 2;
-  constexpr std::size_t kVoters = 64;  // number of best pairs, which choose the translation's sign
+  constexpr std::size_t kVoters = 64;  // number of best pairs that choose the translation's sign
   RelativePose forward = motion;
   const std::size_t n = std::min(pairs_->size(), kVoters);
   std::size_t front = 0;
@@ -113,8 +113,9 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 /// So both signs of each fitted motion are judged.
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;   // maximum number of fits
-  constexpr float kMostCost = 2.0F;  // largest cost of a start that is fitted, over the lowest cost
-  constexpr double kLeastScale = 0.07;  // of the limit: 0.1 px; residuals do not show smooth errors
+  constexpr float kMostCost = 2.0F;  // a start is only fitted below this multiple of the least cost
+  // Minimum scale / limit: 0.1 px, because smooth errors do not show in the residuals.
+  constexpr double kLeastScale = 0.07;
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   double least = pairs_->limit;
@@ -134,10 +135,10 @@ void Hypotheses::refine() {
 }
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
-  // If one cell alone decides, the other motion keeps a probability of 0.27.
+  // If a single cell makes the whole difference, the other motion keeps a probability of 0.27.
   constexpr double kMostOfACell = 1.0;
-  constexpr double kIndifferent = 3.0;  // difference of gains due to noise of three deviations
-  constexpr double kOnPlane = 4.5;  // deviations; by noise alone, 1 pair in 25 000 is farther off
+  constexpr double kIndifferent = 3.0;  // gain difference that noise of three deviations can cause
+  constexpr double kOnPlane = 4.5;      // deviations; noise alone exceeds this in 1 pair in 25 000
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;
@@ -155,7 +156,7 @@ double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   return std::copysign(least, sum);
 }
 
-/// Sets the probabilities. The first motion stays first unless another motion is better.
+/// Sets the probabilities. The first motion stays first unless another motion is more probable.
 void Hypotheses::judge() {
   constexpr double kMost = 300.0;  // exp(kMost) is finite
   double all = 0.0;

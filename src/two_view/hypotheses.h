@@ -21,31 +21,32 @@ struct Hypothesis {
 /// Every start is refined by the same fit over all pairs. The likelihood of a pair is a mixture:
 /// Student's t distribution of its distance (EpipolarPairs::distance, which includes the chirality)
 /// for right pairs, and a uniform distribution for wrong pairs. The gain of a pair is the logarithm
-/// of its likelihood over the likelihood of a wrong pair. The motion with the largest sum of gains
-/// explains the pairs best.
+/// of its likelihood divided by the likelihood of a wrong pair. The motion with the largest sum of
+/// gains explains the pairs best.
 ///
 /// The difference of two sums tells how much more likely one motion is, but neighbouring pairs are
 /// not independent: they may be on a moving object, or be mistaken in the same way. So the
-/// difference is divided by the design effect of cluster samples: its variance when summed over
-/// cells of the image, over its variance for independent pairs. No cell counts for more than
-/// `kMostOfACell`. A pair on the dominant plane agrees with both motions of that plane, so it is
-/// left out if its two gains are nearly equal. Otherwise a thousand pairs with smooth errors of a
-/// hundredth of a pixel would decide.
+/// difference is divided by the design effect of cluster samples. This is the variance of the
+/// difference computed from the cells of the image, divided by its variance for independent pairs.
+/// No cell counts for more than `kMostOfACell`. A pair on the dominant plane agrees with both
+/// motions of that plane, so it is left out if its two gains are nearly equal. Otherwise, smooth
+/// errors of a hundredth of a pixel in a thousand such pairs would decide between the motions.
 class Hypotheses {
  public:
-  /// `pairs` is stored by reference. `cell`: side of a cell; `range`: length over which the
-  /// distances of wrong pairs are spread uniformly; both in normalised units. `found`: the motion
-  /// that the search found. `plane`: homography of the dominant plane, px; null if there is none.
+  /// Keeps a pointer to `pairs`. `cell`: side of a cell; `range`: length over which the distances
+  /// of wrong pairs are assumed to be uniform; both in normalised units. `found`: the motion that
+  /// PROSAC found. `plane`: homography of the dominant plane, px; null if there is none.
   void load(const EpipolarPairs& pairs, double cell, double range, const Epipolar& found,
             const Eigen::Matrix3d* plane);
 
   /// Adds `motion` as a start, after a few steps of the fit. The sign of its translation is chosen
   /// so that most points are in front of the cameras.
   void start(const RelativePose& motion);
-  /// Fits the best starts. The list then holds the different motions, best first.
+  /// Fits the best starts. Then the list holds the fitted motions, without repetitions, best first.
   void refine();
-  /// Replaces the list by `motions`, without refining them. The best motion of the old list stays
-  /// as a rival if it is none of them; it is at most as probable as the best of them.
+  /// Replaces the list by `motions`, without refining them. If `motions` does not contain the best
+  /// motion of the old list, this motion stays as a rival. It gets at most the probability of the
+  /// best of `motions`.
   void prefer(const std::vector<RelativePose>& motions);
   void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }
@@ -64,7 +65,7 @@ class Hypotheses {
   // Share of right pairs among the precise pairs [0] and among the others [1].
   double share_[2] = {0.5, 0.5};
   std::vector<std::size_t> cell_;  // cell of each pair
-  std::vector<double> off_plane_;  // distance of each pair from the plane / its relative deviation
+  std::vector<double> off_plane_;  // distance of each pair from the plane, times its precision
   mutable std::vector<double> cells_;
   std::vector<std::pair<float, Epipolar>> starts_;  // cost of each start, and the start
   std::vector<Hypothesis> list_;

@@ -10,11 +10,11 @@ namespace ktgp_orb {
 namespace {
 
 constexpr double kReach = 4.0;  // largest shift of a point by alignment, px
-/// Standard deviation of a keypoint, relative to an aligned point. The measured ratio is 3.4: the
-/// distances from the true epipolar lines have a scale of 0.85 px for keypoints and 0.25 px for
-/// aligned points (medians over 20 sets of real and drawn scenes). But some keypoints are near a
-/// line by chance and pull the fit towards its start. Of 1, 3.4, 6 and 12 (about 3.4²), 12 gave the
-/// most accurate motions in twelve sets.
+/// Standard deviation of a keypoint's position, relative to the deviation of an aligned point. The
+/// measured ratio is 3.4: the distances from the true epipolar lines have a scale of 0.85 px for
+/// keypoints and 0.25 px for aligned points (medians over 20 sets of real and synthetic scenes).
+/// But some keypoints are near a line by chance and pull the fit towards its start. Of 1, 3.4, 6
+/// and 12 (about 3.4²), 12 gave the most accurate motions in twelve sets.
 constexpr double kKeypointDeviation = 12.0;
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 
@@ -59,7 +59,7 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
 /// Aligned pairs come first in the order of PROSAC, because they are more accurate.
 void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
                                  TwoViewMatches& result) {
-  constexpr double kLater = 1.0;  // added to the ratio of unaligned pairs; above any ratio
+  constexpr double kLater = 1.0;  // added to the ratio of unaligned pairs; no ratio is larger
   result.pairs = keypoints;
   result.aligned.assign(keypoints.size(), 0);
   deviations.assign(keypoints.size(), kKeypointDeviation);

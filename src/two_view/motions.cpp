@@ -25,7 +25,7 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography) {
-  constexpr double kLeast = 1e-9;  // in units of the distance of the plane; less is rounding
+  constexpr double kLeast = 1e-9;  // least translation over the plane's distance; less is rounding
   cv::Matx33d calibrated;
   cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
                calibrated);
@@ -145,7 +145,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // Shared errors are linear: each shifts the points along one axis by x, y or 1 (x, y about 1).
+  // Each of the six shared errors shifts the points along one axis, by x, y or 1 (x, y about 1).
   const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
   Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
   Eigen::Vector2d residual;
@@ -157,7 +157,7 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
     by_shared.leftCols<3>() += jacobian.row(0).transpose() * linear.transpose();
     by_shared.rightCols<3>() += jacobian.row(1).transpose() * linear.transpose();
   }
-  // An undetected translation shifts all points alike, which looks like a turn.
+  // An undetected translation shifts all points in the same way, which looks like a turn.
   Eigen::Matrix<double, 6, 1> deviations;
   deviations.setConstant(shared);
   const Eigen::Matrix<double, 6, 1> moved =
@@ -170,9 +170,9 @@ Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
 }
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
-  constexpr int kRounds = 5;  // in the first two rounds, all pairs have nearly the same weight
+  constexpr int kRounds = 5;  // the first two rounds give all pairs nearly the same weight
   constexpr std::size_t kMost = 200;
-  constexpr double kLeastScale2 = 1e-18;  // rad²; without any motion the residuals are zero
+  constexpr double kLeastScale2 = 1e-18;  // rad²; not 0, because all residuals may be zero
   const std::size_t n = std::min(pairs.size(), kMost);
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   double scale2 = std::numeric_limits<double>::infinity();

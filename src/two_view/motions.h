@@ -11,22 +11,23 @@
 
 namespace ktgp_orb::two_view {
 
-/// A motion over a plane: K'^-1 H K ~ R + t n^T.
+/// A motion of a camera that sees a plane with the homography H: K'^-1 H K ~ R + t n^T.
 struct PlanarMotion {
   Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  ///< translation in units of the distance of the plane
+  Eigen::Vector3d translation;  ///< translation, in units of the plane's distance
   Eigen::Vector3d normal;       ///< unit vector
 
   RelativePose pose() const { return {rotation, translation.normalized()}; }
 };
 
-/// Up to two motions that `homography` allows (Faugeras & Lustman 1988; Malis & Vargas 2007) with
-/// the plane in front of the camera for most pairs of `mask`; none if the camera did not move.
+/// The motions that explain `homography` (Faugeras & Lustman 1988; Malis & Vargas 2007), at most
+/// two. The plane must be in front of the camera for at least half of the pairs in `mask`. Empty if
+/// the camera did not move.
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography);
 
-/// Propagates `of_homography`, the covariance of the first eight entries, to the motion.
+/// Covariance of `motion`. `of_homography`: covariance of the homography's first eight entries.
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography);
 
@@ -44,7 +45,7 @@ struct RotationProblem {
   const Cameras* cameras = nullptr;
   std::vector<Eigen::Vector3d> rays;     ///< rays of the reference points
   std::vector<Eigen::Vector2d> targets;  ///< px
-  std::vector<double> precision;         ///< inverse relative deviations
+  std::vector<double> precision;         ///< inverse of each pair's relative deviation
 
   static State moved(const State& rotation, const estimation::Step& step) {
     return turned(step.head<3>(), rotation);
@@ -60,8 +61,9 @@ struct RotationProblem {
 /// Fits the rotation by maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
-  /// Fits the rotation, starting from `homography`, to the pairs near it. Returns false if these
-  /// are fewer than half of the `inliers` of the homography. `deviations`: see TwoViewInput.
+  /// Fits the rotation to the pairs near it, starting from `homography`. Returns false if fewer
+  /// than five pairs, or fewer than half of the homography's `inliers`, are near it, or if these
+  /// pairs do not determine the rotation. `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 

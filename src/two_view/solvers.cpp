@@ -15,8 +15,8 @@ double valueAt(const double* c, std::size_t degree, double z) {
   return value;
 }
 
-/// The root in a bracket whose ends have opposite signs: Newton steps, or bisection if a step
-/// leaves the bracket, until a step is below `small`.
+/// The root between `low` and `high`, where the polynomial has opposite signs. Makes Newton steps,
+/// or bisection steps if a Newton step leaves the bracket, until a step is below `small`.
 double rootBetween(const double* c, std::size_t degree, double low, double high, double at_low,
                    double small) {
   constexpr int kMaxSteps = 40;
@@ -44,7 +44,7 @@ double rootBetween(const double* c, std::size_t degree, double low, double high,
 template <std::size_t Degree>
 std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
                         std::array<double, Degree>& roots) {
-  std::array<std::array<double, Degree + 1>, Degree> derivative;  // [d] has degree d + 1
+  std::array<std::array<double, Degree + 1>, Degree> derivative;  // entry d has degree d + 1
   derivative[Degree - 1] = coefficients;
   for (std::size_t d = Degree - 1; d > 0; --d) {
     for (std::size_t i = 0; i <= d; ++i) {

@@ -76,7 +76,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
     // The probability that the first k + 1 pairs, and no others, agree by chance; p is the largest
-    // probability of these pairs. Skip this number of inliers if so many are expected by chance.
+    // probability of these pairs. Skip numbers that chance is expected to reach.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

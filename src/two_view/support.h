@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::two_view {
 
-/// Squared distances of a target point from the mapped reference point and the epipolar line, px².
+/// Squared distances, px²: target point to mapped reference point, and to the epipolar line.
 using Displacement = std::pair<double, double>;
 
 /// Number of false alarms of a model (estimation::FalseAlarms). Repeated keypoints count once.
@@ -20,16 +20,17 @@ class Support {
   void load(const PointPairs& pairs, double apart);
 
   /// log10 of the lowest number of false alarms over all numbers of inliers; at most 0. `chance`:
-  /// for each pair, the probability that it agrees with a wrong model as well as with this model;
-  /// above 1 if it does not agree with this model. `sample`: number of pairs that determine a
-  /// model. `models`: largest number of models of a sample.
+  /// for each pair, the probability that it agrees with a wrong model at least as closely as with
+  /// this model; above 1 if the pair does not agree with this model. `sample`: number of pairs that
+  /// determine a model. `models`: largest number of models of a sample.
   double logFalseAlarms(const std::vector<double>& chance, std::size_t sample, double models);
 
-  /// log10 of a bound for the number of false alarms of an epipole that two of n pairs determine;
-  /// at most 0. If the directions of the errors are random, the mean squared error is the same
-  /// along and across the epipolar line. So the sum T of error² - 2 across² over the other pairs
-  /// has the mean 0. The probability of T or more is below exp(-T² / sum of error⁴), since the mean
-  /// of exp(s cos a) over all a is below exp(s²/4). Pairs with an error of 0 do not count.
+  /// log10 of an upper bound for the number of false alarms of an epipole that two of n pairs
+  /// determine; at most 0. If the directions of the errors are random, the mean squared error is
+  /// the same along and across the epipolar line. So T, the sum of error² - 2 across² over the
+  /// other pairs, has the mean 0. The probability that such errors give T or more is below exp(-T²
+  /// / sum of error⁴), because the mean of exp(s cos a) over all a is below exp(s²/4). Pairs with
+  /// an error of 0 do not count.
   double logParallax(const std::vector<Displacement>& pairs);
 
  private:

@@ -155,8 +155,8 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
 bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoViewInput& input,
                                           TwoView& result) {
   estimation::ProsacRules rules{options.max_iterations, options.confidence};
-  // Chance that a random target point is an inlier. A strip along the epipolar line, as wide as the
-  // limit on both sides, covers this share of a square with the area of the target points.
+  // Chance that a random target point is an inlier. The strip within the limit on both sides of an
+  // epipolar line covers this share of a square with the same area as the target points.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
   // Sampling could stop too early: with little parallax, wrong motions agree with most pairs, and
@@ -242,7 +242,7 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
 }
 
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  constexpr double kLeastDistance = 0.5;  // px; otherwise exact points make anything significant
+  constexpr double kLeastDistance = 0.5;  // px; otherwise exact points make any model significant
   constexpr double kLeastParallax = 0.2;  // px; lens and shutter distort images by this much
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
@@ -261,8 +261,9 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Evidence for parallax: errors from the homography that are nearer to the epipolar lines than
-  // errors with random directions. Given the homography, two pairs determine the epipole.
+  // Evidence for parallax: the displacements from the homography follow the epipolar lines more
+  // closely than displacements with random directions would. Given the homography, two pairs
+  // determine the epipole.
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
@@ -287,8 +288,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Whether noise, and the errors that all points share, explain how the homography differs from
-/// that of a turn. If so, the translation that the homography implies does not count.
+/// Whether noise and shared errors explain the difference between the homography and the homography
+/// of the fitted turn. If so, the translation that the homography implies does not count.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
   constexpr double kPoor = 10.0;     // errors of a poor calibration, as a multiple of shared_error
@@ -302,11 +303,11 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
-/// Whether a rotation or a camera at rest explains most inliers within their errors, and most other
-/// inliers lie in one region. Then a moving object there may be mistaken for depth.
+/// Whether a rotation, or a camera at rest, explains most inliers within their errors, while most
+/// other inliers lie in one region. A moving object in this region may then be mistaken for depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
-  // Limit in scales of Sampson distances; times 1.5, since the errors here have two coordinates.
+  // Limit in scales of the Sampson distances, times 1.5 because errors have two coordinates here.
   constexpr double kErrors = 4.0 * 1.5;
   constexpr double kLeastScale = 0.1;  // px
   constexpr std::size_t kFew = 8;
@@ -343,7 +344,7 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
 
 /// The most precise pairs are the pairs whose patches could be aligned. If the motion is right,
 /// nearly all of them agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a
-/// texture repeats itself, many disagree, as in all 20 image pairs of a drawn facade and a
+/// texture repeats itself, many disagree, as in all 20 image pairs of a synthetic facade and a
 /// chessboard. The motion may then be wrong by the median error of the pairs that disagree.
 void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
                                              TwoView& result) {
@@ -378,7 +379,7 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
-  constexpr double kOfSampson = 2.0;  // includes errors of both images and errors along the line
+  constexpr double kOfSampson = 2.0;  // factor for errors of both images and errors along the line
   const bool is_epipolar = result.geometry == Geometry::epipolar;
   angles.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -393,7 +394,7 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
   return *middle;
 }
 
-/// Adds the turn as the other motion. The direction of the translation is then unknown.
+/// Reports the turn as the other motion. The covariance then allows any translation direction.
 void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   constexpr double kEven = 0.5;
   result.doubt = Doubt::moving_region;
@@ -408,9 +409,9 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
 }
 
 /// Covariance of a turn, with the translation in units of the distance of the scene. The residuals
-/// of the turn may be parallax. The mean parallax looks like a turn. For depths of 3 to 12, it is
-/// 2.2 times the scatter of the parallax, and the scale of Student's t distribution is 0.8 times
-/// this scatter. So the mean parallax is about three scales.
+/// of the turn may be parallax, whose mean looks like a turn. For depths of 3 to 12, the mean
+/// parallax is 2.2 times the scatter of the parallax, and the scale of Student's t distribution is
+/// 0.8 times this scatter. So the mean parallax is about three scales.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
   const double unseen = kMeanOfScale * turn.scale();
@@ -421,10 +422,10 @@ Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   return covariance;
 }
 
-/// Whether the inliers map the image to its mirror image, which no camera can do. Wrong matches of
-/// symmetric objects do, and may still agree with a motion.
+/// Whether the inliers map the image to its mirror image, which no camera can do. Wrong matches on
+/// a symmetric object can do so, and may still agree with a motion.
 bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& result) {
-  constexpr double kClearly = -0.3;  // compared with 1 for a similarity and -1 for a mirrored one
+  constexpr double kClearly = -0.3;  // 1 for a similarity, -1 for a mirrored similarity
   Eigen::Vector2d from = Eigen::Vector2d::Zero();
   Eigen::Vector2d to = Eigen::Vector2d::Zero();
   const auto count = static_cast<double>(result.inliers);
@@ -445,7 +446,7 @@ bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& 
   return 2.0 * map.determinant() < kClearly * map.squaredNorm();
 }
 
-/// The motion of the plane that equals `pose`; null if there is none.
+/// The motion in `planes` that equals `pose`; null if there is none.
 const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose& pose) const {
   constexpr double kSame = 1e-6;  // rad
   for (const two_view::PlanarMotion& motion : planes) {
@@ -482,13 +483,14 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   return Covariance6::Constant(kNaN);
 }
 
-/// Sets the likeliest motion, and the next one that is not excluded. The covariance covers all
-/// motions that are not excluded. Returns false if the pairs do not determine the likeliest motion.
+/// Sets the likeliest motion, and as `result.other` the next likeliest motion that has a
+/// probability above kExcluded and clearly differs (kApart). The covariance covers all such
+/// motions. Returns false if the pairs do not determine the likeliest motion.
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.2;   // least weight of another motion: probabilities are not exact
-  constexpr double kApart = 25.0;  // squared deviations; a nearer motion counts as the same
+  constexpr double kLeast = 0.2;   // minimum weight of another motion: probabilities are not exact
+  constexpr double kApart = 25.0;  // in squared deviations; nearer motions count as equal
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
   const Covariance6 own = covarianceOf(best, pairs, input);
@@ -511,7 +513,7 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // The difference of unit vectors is shorter than the arc (the step), so also cover the gap.
+    // The difference of unit vectors is shorter than the arc (the step): add the gap between them.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
@@ -590,7 +592,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   return true;
 }
 
-/// Why another motion is nearly as likely, in a scene with depth.
+/// For a scene with depth: the reason why another motion is nearly as likely.
 Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
   constexpr double kSmallParallax = 1.0;  // degrees; below this, ORB-SLAM does not start a map
   if (result.parallax < kSmallParallax) return Doubt::small_parallax;
@@ -600,8 +602,8 @@ Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
 
 /// Calibrated cameras have a shared_error of 0.02 to 0.06 px. With the covariance S and the error e
 /// of the motion (5 degrees of freedom), the median of e'S^-1e should be 4.35. With a shared_error
-/// of 0.05 px it is 1.0 to 3.0 on six drawn scenes with a translation, and 3.6 to 4.8 on KITTI and
-/// Strecha. With 0.5 px it is 0.04 to 1.9 on the drawn scenes, so the covariance is too large.
+/// of 0.05 px it is 1.0 to 3.0 on six synthetic scenes with a translation, and 3.6 to 4.8 on KITTI
+/// and Strecha. With 0.5 px it is 0.04 to 1.9 on the synthetic scenes: the covariance is too large.
 TwoViewOptions TwoViewOptions::realCameras() {
   TwoViewOptions options;
   options.shared_error = 0.05;

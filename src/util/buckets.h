@@ -31,8 +31,8 @@ class Buckets {
 
   /// The sorted numbers, bucket by bucket.
   const std::vector<std::int32_t>& order() const { return order_; }
-  /// Index in order() at which a bucket begins or ends. For the number of buckets as argument,
-  /// begin() returns the end of the last bucket.
+  /// Index in order() at which a bucket begins or ends. begin() also accepts the number of buckets,
+  /// and then returns the end of the last bucket.
   std::uint32_t begin(std::size_t bucket) const { return start_[bucket]; }
   std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
 

@@ -3,9 +3,9 @@
 // Defines the instruction sets for vector code: all sets that Highway knows, except the sets that
 // are excluded here. Include this before any header of Highway.
 //
-// Each loop is written twice: in plain C++ as the reference, and with Highway in a file *-inl.h.
-// dispatch.cpp includes these files once for each instruction set, puts the functions into a
-// struct, and chooses one struct at run time. Tests compare each struct with the plain loops.
+// Each vectorised loop is written twice: in plain C++ as the reference, and with Highway in a file
+// *-inl.h. dispatch.cpp includes these files once for each instruction set, puts the functions into
+// a struct, and chooses one struct at run time. Tests compare each struct with the plain loops.
 
 // Includes AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4), which Highway 1.0 leaves out by
 // default.

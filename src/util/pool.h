@@ -61,8 +61,8 @@ class Pool {
     std::size_t most = 0;
   };
 
-  /// Allocator that puts the control block of a shared_ptr into Slot::block, so that it needs no
-  /// memory of its own.
+  /// Allocator that puts the control block of a shared_ptr into Slot::block, so that no memory is
+  /// allocated for it.
   template <typename Block>
   struct BlockAllocator {
     using value_type = Block;

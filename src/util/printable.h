@@ -8,7 +8,7 @@ namespace ktgp_orb::util {
 /// that are not printable UTF-8 become \xNN, and only the first `most` bytes are kept.
 std::string printable(const std::string& text, std::size_t most = 200);
 
-/// The printable text in quotes.
+/// The result of printable() in quotes.
 std::string quoted(const std::string& text);
 
 }  // namespace ktgp_orb::util

@@ -19,7 +19,7 @@ SmallMatrix inverseOf(const SmallRef& matrix);
 /// Solves a x = b for each column of b. Empty unless all pivots of the symmetric matrix a exceed
 /// `least`.
 std::optional<SmallMatrix> solutionOf(const SmallRef& a, const SmallRef& b, double least);
-/// A matrix W with W covariance W' = I; empty if the covariance is not positive definite.
+/// A matrix W with W * covariance * W^T = I; empty if `covariance` is not positive definite.
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);
 
 struct LeastSquares {

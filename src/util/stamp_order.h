@@ -11,13 +11,13 @@ namespace ktgp_orb::util {
 /// before the newest accepted stamp, or far after it, is set apart. If the next stamp continues
 /// from the stamp set apart, both are accepted: the recording was looped, a clock was set, or the
 /// camera paused. Otherwise the stamp set apart was wrong and is forgotten. A stamp that is only a
-/// little ahead is accepted at first. It is recognised as wrong if the next two stamps are in order
-/// and lie between its predecessor and it.
+/// little ahead is accepted at first. It is recognised as wrong if the next two stamps are in
+/// order, after its predecessor and before the stamp itself.
 class StampOrder {
  public:
   struct Place {
     bool is_apart = false;   ///< this stamp was set apart, not accepted
-    bool restarted = false;  ///< the previous stamp, set apart, begins a new sequence
+    bool restarted = false;  ///< the previous stamp (set apart) begins a new sequence
     /// The newest accepted stamp was wrong, the stamp set apart is right; the sequence continues.
     bool was_one_ahead = false;
   };

@@ -58,7 +58,7 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  // Workers that are still asleep will find no loop later, so we need not wait for them.
+  // Workers that wake up later find no loop and do nothing, so we wait only for the busy workers.
   loop_ = nullptr;
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });

@@ -39,8 +39,8 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Largest standard deviation at an image corner, px: in the target or in the reference, whichever
-/// is smaller.
+/// Largest standard deviation of H at the image corners, px. Computed for the corners mapped to the
+/// target and for those mapped back to the reference; returns the smaller result.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -50,10 +50,10 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
 }
 
 /// Whether the aligned homography `candidate` replaces the homography `before`, which comes from
-/// keypoints. It does not if the keypoints determine the corners of the image better. This happens
-/// if patches could be aligned only in a small part of the image, or scatter like keypoints. The
-/// shared covariance of the candidate is left out, because the smooth errors of aligned points come
-/// from the scene, and keypoints have the same errors.
+/// keypoints. It does not if `before` has a smaller uncertainty at the image corners. This happens
+/// if patches could be aligned only in a small part of the image, or if their positions are as
+/// noisy as keypoints. The shared covariance of the candidate is left out, because the smooth
+/// errors of aligned points come from the scene, and keypoints have the same errors.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,

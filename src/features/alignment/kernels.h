@@ -62,9 +62,9 @@ struct AlignmentKernels {
   /// kWindowPitch values. Four more columns on the right must be readable.
   void (*smooth)(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window);
 
-  /// Compares the template with the window's values from `corner` on, interpolated at (fx, fy) px
-  /// to the right and below, 0 <= fx, fy < 1. Reads one more row and column before the patch, and
-  /// two after it.
+  /// Compares the template with the patch of the window that begins (fx, fy) px to the right of and
+  /// below `corner`, 0 <= fx, fy < 1; interpolates its values. Reads one row and column before the
+  /// patch, and two after it.
   MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
 };
 

@@ -108,7 +108,8 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
                              const Eigen::Matrix2d& back) {
   constexpr double kUnit = 65536.0;
   const auto fixed = [](double x) { return static_cast<std::int32_t>(std::lrint(x * kUnit)); };
-  // Distance of the farthest corner from the middle of the patch, plus one pixel for interpolation.
+  // Distances, in samples, from the centre of the patch to its first sample and to the last sample
+  // of a row in memory. The bounds below leave room for interpolation.
   constexpr double kFirst = 0.5 * (kWarpSide - 1);
   constexpr double kLast = kWarpPitch - 1 - kFirst;
   const Eigen::Vector2d spread = back.cwiseAbs() * Eigen::Vector2d(kLast, kFirst);
@@ -144,13 +145,14 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
 /// Second moments of the derivatives of a patch, with gain and bias projected out.
 struct Texture {
-  double sx, sy;  // a gain explains the parts sx t and sy t of the derivatives
+  double sx, sy;  // a gain explains the parts sx t and sy t of the derivatives dx and dy
   double xx, xy, yy;
   double determinant;
 
   /// Computes the moments; empty if the patch has too little texture to be located.
   static std::optional<Texture> of(const PatchTemplate& patch) {
-    constexpr double kLeast = 500.0;  // lower limit, grey values² (per px²), summed over the patch
+    // Minimum sums of t² and of the squared derivative in any direction, grey values² (per px²).
+    constexpr double kLeast = 500.0;
     if (!(patch.tt > kLeast)) return std::nullopt;
     Texture t{patch.tx / patch.tt, patch.ty / patch.tt, 0.0, 0.0, 0.0, 0.0};
     t.xx = patch.xx - t.sx * patch.tx;

@@ -105,10 +105,10 @@ void requireInverse(const LensCalibration& c) {
       "coefficients (D) of a calibration");
 }
 
-// At 60 degrees from the axis of a fisheye, one pixel covers 1 / cos² = 4 px of the image without
-// distortion, which is more than the inlier threshold; at 75 degrees, it covers 15 px. In 8 image
-// pairs of a 200-degree lens, the preset slam found a pure turn with certainty in 2 pairs with
-// points up to 75 degrees, and in all 8 with points up to 60 degrees.
+// At 60 degrees from the axis of a fisheye, one pixel covers 1 / cos² = 4 px of the undistorted
+// image, which is more than the inlier threshold; at 75 degrees, it covers 15 px. We tested the
+// preset slam on 8 image pairs of a 200-degree lens: with points up to 75 degrees, it was certain
+// of a pure turn in 2 pairs, with points up to 60 degrees in all 8.
 constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 
 /// Largest angle, rad, up to which the distance from the principal point increases with the angle.

@@ -115,7 +115,7 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  // Excess of row * stride + column (mod 2^32), since row and column still contain kRounderBits.
+  // Subtracted from row * stride + column (mod 2^32), since row and column contain kRounderBits.
   hn::Vec<Offsets> surplus_;
 };
 

@@ -30,7 +30,7 @@ void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, st
 }
 
 // The products have 24 bits. One multiplication gives their upper 16 bits. A second multiplication
-// gives the lower 8 bits (in the upper half of a lane), of which only the carry matters.
+// gives the lower 8 bits (in the upper half of a lane); we need only their carry.
 void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
              std::uint8_t* out) {
   // If one of the weights is 0, the other row is interpolated with itself, so that both weights fit

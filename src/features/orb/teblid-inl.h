@@ -1,4 +1,5 @@
-// TEBLID far from the border. No include guard: dispatch.cpp includes this once for each
+// Vectorised TEBLID for keypoints that are so far from the border that all boxes are inside the
+// image (see isFarFromBorder). No include guard: dispatch.cpp includes this once for each
 // instruction set.
 #include <hwy/highway.h>
 

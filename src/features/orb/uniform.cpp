@@ -53,8 +53,8 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
 }
 
 void UniformChoice::share(int levels) {
-  // Computes the share of a cell, beginning with the cell that has the fewest corners. If a cell
-  // has fewer corners than its share, the other cells share the rest.
+  // Computes the share: the number of corners that each cell may keep. Begins with the cells with
+  // the fewest corners. If a cell has fewer corners than its share, the other cells get the rest.
   sizes_.clear();
   for (int i = 0; i < levels; ++i) {
     const Level& level = levels_[i];

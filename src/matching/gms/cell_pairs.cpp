@@ -39,8 +39,8 @@ void CellPairs::count(const Grid& target, const Grid& reference,
   pairs_.push_back({reference.noCell(), target_order_.begin(target.noCell())});
 }
 
-/// Of the cell pairs of the target cell, returns the pair with the most matches. If several pairs
-/// have this number of matches, returns the first of them.
+/// Returns the index of the target cell's cell pair with the most matches. If several pairs have
+/// this number of matches, returns the first of them.
 std::uint32_t CellPairs::bestOf(std::uint32_t target_cell) const {
   std::uint32_t best = first_pair_[target_cell];
   for (std::uint32_t pair = best + 1; pair < first_pair_[target_cell + 1]; ++pair) {
@@ -87,7 +87,7 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   return supported;
 }
 
-/// Mean number of matches in the target cell and in those of its neighbours whose bit in
+/// Mean number of matches per cell, over the target cell and its neighbours whose bit in
 /// `neighbours` is set.
 double CellPairs::meanMatches(std::uint32_t target_cell, unsigned neighbours) const {
   std::uint32_t matches = target_order_.end(target_cell) - target_order_.begin(target_cell);

@@ -65,7 +65,7 @@ constexpr unsigned kInBestPair = 1u << kRing;
 constexpr unsigned kOnGrid = kInBestPair << 1;
 
 /// Motion statistics of one target grid and one reference grid. The matches are sorted by their
-/// pair of cells, because in a table of all pairs nearly all entries would be empty.
+/// pair of cells. There is no table of all pairs, because nearly all of its entries would be empty.
 class CellPairs {
  public:
   /// Counts the matches of each pair of cells. `reference_order`: the matches sorted by reference
@@ -100,7 +100,7 @@ class CellPairs {
   /// Indices of the matches, sorted by target cell, then by reference cell.
   std::vector<std::uint32_t> matches_;
   std::vector<Pair> pairs_;  ///< pairs of cells, sorted like the matches; an end marker follows
-  /// Index of the first pair of each target cell, then the end.
+  /// Index in pairs_ of each target cell's first pair; the last entry marks the end.
   std::vector<std::uint32_t> first_pair_;
 };
 

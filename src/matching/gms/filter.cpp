@@ -16,8 +16,8 @@ using util::requireInRange;
 
 using gms::Grid;
 
-// The scales have the same order as in the authors' program, because the order decides: if two
-// scales keep the same number of matches, the first one wins.
+// The scales have the same order as in the authors' program, because the order affects the result:
+// if two scales keep the same number of matches, the first one wins.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {

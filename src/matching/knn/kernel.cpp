@@ -109,7 +109,7 @@ std::uint32_t byteCounts(std::uint32_t v) {
 
 std::int32_t distanceTo(const std::uint32_t* query, const std::uint32_t* words,
                         std::ptrdiff_t stride) {
-  std::uint32_t sums = 0;  // each byte sums the counts of eight bytes, at most 8 each
+  std::uint32_t sums = 0;  // each byte is the sum of eight bit counts, at most 8 each
   for (int w = 0; w < kDescriptorWords; ++w) sums += byteCounts(query[w] ^ words[w * stride]);
   sums = (sums & 0x00ff00ffU) + ((sums >> 8) & 0x00ff00ffU);
   return static_cast<std::int32_t>((sums & 0xffffU) + (sums >> 16));

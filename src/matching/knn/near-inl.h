@@ -37,7 +37,7 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
   }
   return sum;
 #else
-  auto bytes = hn::Zero(kBytes);  // each byte sums the counts of eight bytes, at most 8 each
+  auto bytes = hn::Zero(kBytes);  // each byte is the sum of eight bit counts, at most 8 each
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
     bytes = hn::Add(bytes, hn::PopulationCount(hn::BitCast(kBytes, hn::Xor(row, query[w]))));
