@@ -152,8 +152,8 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // The derivative of t e with respect to e is t (2q - 1) along e and t across e, with q = t f /
-    // (f + kResiduals), where f is kStudentFreedom.
+    // t = `student` is the weight of the residual e. The derivative of t e with respect to e is
+    // t (2q - 1) along e and t across e, with q = t f / (f + kResiduals), f = kStudentFreedom.
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

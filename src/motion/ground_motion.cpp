@@ -89,7 +89,7 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  // Decaying sum of the dot products of the readings of turns and the turns that are seen, rad².
+  // Decaying sum of (turn that the gyroscope reads) * (turn that the images show), rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // angular velocity of the newest turn, rad/s

@@ -13,8 +13,9 @@ namespace {
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
-/// Cholesky factor of the covariance of the twist in reversed order: turning, approach, shift. In
-/// this order each part is conditioned on the parts before it.
+/// Cholesky factor of the twist's covariance with the components in reversed order: angular
+/// velocity, velocity along the optical axis, velocity across it. So each of these parts is
+/// conditioned on the parts before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
 }

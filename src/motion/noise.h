@@ -89,8 +89,8 @@ struct Innovations {
 /// refer.
 class Relief {
  public:
-  /// `deviation`: deviation of the picture from a plane, for a focal length of 1. `parallax`:
-  /// distance from the keyframe, as a share of the height.
+  /// Adds one picture. `deviation`: UncertainHomography::plane_deviation over the focal length.
+  /// `parallax`: horizontal distance from the keyframe over the height of the camera.
   void add(double deviation, double parallax);
   bool isSeen() const;
   /// Over relief, enlarges the deviation of a reading, because the seen plane is not the mean

@@ -45,7 +45,7 @@ class FrameConsumer : public ImageNode<Config, Work> {
     this->serveParameters();
   }
 
-  /// Adds the other inputs of a derived class, which have their own kinds of jobs.
+  /// Override this to add more inputs. Give each input its own kind of job.
   virtual void addOwnInputs() {}
 
   void startWorker(std::unique_ptr<Work> work) {

@@ -20,7 +20,7 @@ constexpr const char* kStillThings = "frames with things that stand still";
 
 /// State that the worker shows to other threads.
 struct MatcherFacts {
-  std::atomic<bool> holds_set_reference{false};  ///< the fixed reference is a camera frame
+  std::atomic<bool> holds_set_reference{false};  ///< the reference is of ~set_reference
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last failure of a frame with a reference

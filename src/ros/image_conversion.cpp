@@ -67,8 +67,8 @@ const std::vector<Format>& formats() {
       {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
       {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
       {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
-      // The grey rows come first. The rows with the colours at half the size follow; they are not
-      // read for grey.
+      // The plane of the brightness comes first, and the plane of the colours after it. For grey
+      // only the first plane is read.
       {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},
       {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
       {"nv24", CV_8UC1, kNoCode},

@@ -26,7 +26,7 @@ class Repeats {
   bool isInLowerGroup(double difference);
   double patience() const;
 
-  // Differences of the newest images from the last new image, grey levels.
+  // For each of the newest images: its difference from the last image that was no repetition.
   std::vector<double> differences_;
   std::vector<double> intervals_;  // intervals between the newest images that changed, s
   bool stands_still_ = false;

@@ -27,7 +27,7 @@ struct Seed {
 /// similar map.
 class Seeds {
  public:
-  /// Collects the pairs from `begin` to `end`, which belong to the picture of `reference`.
+  /// Makes seeds from the pairs in [begin, end), which must all be of the picture of `reference`.
   /// `frames`: keypoints of the frame. `taken`: non-zero for keypoints that are not used; empty:
   /// all keypoints are used.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,

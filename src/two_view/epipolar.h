@@ -54,7 +54,7 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Index freedom() const { return calibrated_ ? 5 : 7; }
   Epipolar fromMotion(const RelativePose& motion) const;
   Epipolar fromMatrix(const Eigen::Matrix3d& normalised) const;
-  /// F between pixels, of norm 1.
+  /// F for pixel coordinates, scaled to norm 1.
   Eigen::Matrix3d inPixels(const Epipolar& geometry) const;
 
   /// Jacobian of F's entries, row by row, with respect to the parameters. With cameras: rotations

@@ -61,9 +61,9 @@ struct RotationProblem {
 /// Fits the rotation by maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
-  /// Fits the rotation to the pairs near it, starting from `homography`. Returns false if fewer
-  /// than five pairs, or fewer than half of the homography's `inliers`, are near it, or if these
-  /// pairs do not determine the rotation. `deviations`: see TwoViewInput.
+  /// Fits the rotation to the pairs that agree with it; starts from `homography`. Returns false if
+  /// fewer than five pairs agree, or fewer than half of the homography's `inliers`, or if the
+  /// agreeing pairs do not determine the rotation. `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
