@@ -147,10 +147,12 @@ NOT_RUN = {
         'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders NODE',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
+    'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
     'installs packages': [
-        'rosdep install --from-paths src -i', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
+        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
     "waits for images, or for a master that has it; ROS's own": [
-        'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag reindex', 'rostopic echo -n 1 ~mask/encoding',
+        'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag {reindex,filter}',
+        'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
         'rostopic echo /{usb_cam/matcher/homography,diagnostics,camera/targets/detections}'],
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
         'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
