@@ -5,9 +5,9 @@
 
 namespace ktgp_orb::files {
 
-/// Whether a JPEG that has its end marker lacks data. Decoders fill the missing part with grey and
-/// do not report it. `picture`: decoded from `bytes`. If no corner has this grey, returns false
-/// without checking the data. False for progressive JPEGs, whose data come in several scans, and
+/// Whether a JPEG that has its end marker lacks data. OpenCV fills the missing part with grey and
+/// does not pass on the warnings of libjpeg. `picture`: decoded from `bytes`. If no corner has this
+/// grey, returns false without reading the data, so that only few pictures are decoded twice. False
 /// for other formats.
 bool lacksData(std::string_view bytes, const cv::Mat& picture);
 
