@@ -22,19 +22,12 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Inserts a message in the order of the stamps, since stamps may jitter. If a stamp goes back by
-/// more than kWentBack, the message is held in `apart`, as in StampOrder, and the next message
-/// decides. If the next message does not continue from `apart`, the stamp of `apart` was wrong, and
-/// `apart` is dropped. If `apart` and the next message continue from the second newest message in
-/// `messages`, the stamp of the newest was ahead of its time, and the newest is removed. Otherwise
-/// a bag was looped or a clock was set, so all messages in `messages` are removed.
+/// Inserts a message in the order of the stamps. If `order` sets its stamp apart, the message is
+/// held in `apart`, and the next message decides.
 template <typename Message>
-void keep(const Message& message, std::deque<Message>& messages, std::optional<Message>& apart) {
+void keep(const Message& message, util::StampOrder& order, std::deque<Message>& messages,
+          std::optional<Message>& apart) {
   constexpr std::size_t kKept = 1000;  // messages
-  constexpr double kWentBack = 1.0;    // s
-  const auto goes_back = [](const Message& from, const Message& to) {
-    return (from.header.stamp - to.header.stamp).toSec() > kWentBack;
-  };
   const auto insert = [&messages](const Message& added) {
     const auto is_later = [&](const Message& other) {
       return other.header.stamp > added.header.stamp;
@@ -42,18 +35,17 @@ void keep(const Message& message, std::deque<Message>& messages, std::optional<M
     messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), added);
     if (messages.size() > kKept) messages.pop_front();
   };
+  const util::StampOrder::Place place =
+      order.next(static_cast<std::int64_t>(message.header.stamp.toNSec()));
   const std::optional<Message> before = std::exchange(apart, std::nullopt);
-  if (!messages.empty() && goes_back(messages.back(), message)) {
-    if (!before || goes_back(*before, message)) {
-      apart = message;
-      return;
-    }
-    const bool one_was_ahead = messages.size() > 1 && !goes_back(*(messages.end() - 2), *before);
-    if (one_was_ahead) messages.pop_back();
-    if (!one_was_ahead) messages.clear();
-    insert(*before);
+  if (place.was_one_ahead) messages.pop_back();
+  if (place.restarted) messages.clear();
+  if (place.was_one_ahead || place.restarted) insert(*before);
+  if (place.is_apart) {
+    apart = message;
+  } else {
+    insert(message);
   }
-  insert(message);
 }
 
 Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
@@ -102,11 +94,11 @@ void requireOneCamera(const HomographyStamped& h) {
 }  // namespace
 
 void GroundReadings::add(const sensor_msgs::Range& range) {
-  keep(range, ranges_, range_apart_);
+  keep(range, range_order_, ranges_, range_apart_);
 }
 
 void GroundReadings::add(const sensor_msgs::Imu& imu) {
-  keep(imu, imus_, imu_apart_);
+  keep(imu, imu_order_, imus_, imu_apart_);
 }
 
 bool GroundReadings::complete(const std_msgs::Header& image) const {

@@ -90,6 +90,9 @@ class GroundReadings {
   std::string imu_topic_;
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
+  static constexpr std::int64_t kJitter = 1'000'000'000;  // ns, of the stamps of readings
+  util::StampOrder range_order_{kJitter};
+  util::StampOrder imu_order_{kJitter};
   std::optional<sensor_msgs::Range> range_apart_;
   std::optional<sensor_msgs::Imu> imu_apart_;
   util::StampOrder image_order_;

@@ -22,20 +22,26 @@ class StampOrder {
     bool was_one_ahead = false;
   };
 
+  StampOrder() = default;
+  /// Accepts stamps that are out of order by up to `jitter`, ns.
+  explicit StampOrder(std::int64_t jitter) : jitter_(jitter) {}
+
   /// A stamp that is more than `longest`, ns, after the newest accepted stamp is set apart.
   Place next(std::int64_t stamp,
              std::uint64_t longest = std::numeric_limits<std::uint64_t>::max()) {
     Place place;
     const std::optional<std::int64_t> apart = std::exchange(apart_, std::nullopt);
-    if (apart && stamp >= *apart && (*apart > *newest_ || stamp < *newest_)) {
-      place.was_one_ahead = *apart < *newest_ && before_ && *apart > *before_;
+    if (apart && !isBefore(stamp, *apart) && (*apart > *newest_ || isBehind(stamp))) {
+      place.was_one_ahead = *apart < *newest_ && before_ && *apart + jitter_ > *before_;
       place.restarted = !place.was_one_ahead;
       newest_ = apart;
     }
-    place.is_apart = newest_ && (stamp < *newest_ || difference(stamp, *newest_) > longest);
+    const bool is_newest = !newest_ || stamp >= *newest_;
+    place.is_apart =
+        isBehind(stamp) || (newest_ && is_newest && difference(stamp, *newest_) > longest);
     if (place.is_apart) {
       apart_ = stamp;
-    } else {
+    } else if (is_newest) {
       before_ = std::exchange(newest_, stamp);
     }
     return place;
@@ -43,14 +49,16 @@ class StampOrder {
 
   /// The stamp that was accepted before the newest accepted stamp.
   std::optional<std::int64_t> before() const { return before_; }
-  bool isBehind(std::int64_t stamp) const { return newest_ && stamp < *newest_; }
+  bool isBehind(std::int64_t stamp) const { return newest_ && isBefore(stamp, *newest_); }
 
  private:
+  bool isBefore(std::int64_t stamp, std::int64_t other) const { return stamp + jitter_ < other; }
   /// Unsigned, since the difference of two stamps may exceed the range of a signed number.
   static std::uint64_t difference(std::int64_t later, std::int64_t earlier) {
     return static_cast<std::uint64_t>(later) - static_cast<std::uint64_t>(earlier);
   }
 
+  std::int64_t jitter_ = 0;
   std::optional<std::int64_t> before_;
   std::optional<std::int64_t> newest_;
   std::optional<std::int64_t> apart_;
