@@ -50,13 +50,15 @@ bool ImageStamps::isAhead(const ros::Time& stamp, const ros::Time& arrival) {
   constexpr std::size_t kLeast = 3;
   // The delay of arriving images, s, varies by less than this unless the computer is overloaded.
   constexpr double kJitter = 0.1;
-  // A queue of ten images at 30/s delays all of them alike, s; the delay ends with the queue.
+  // A queue of ten images at 30/s delays all of them alike, s.
   constexpr double kBacklog = 0.35;
   if (arrival.isZero()) return false;
   const double lead = stamp.toSec() - arrival.toSec();
   const auto [least, most] = std::minmax_element(leads_.begin(), leads_.end());
   const bool is_steady = leads_.size() >= kLeast && *most - *least < kJitter;
-  const bool is_ahead = is_steady && lead > *most + kBacklog;
+  // If a queue is emptied at once, the stamps go on as before.
+  const bool is_step = (stamp - last_).toSec() > kBacklog;
+  const bool is_ahead = is_steady && is_step && lead > *most + kBacklog;
   if (is_ahead) ahead_ = lead - *most;
   if (is_ahead && !std::exchange(was_ahead_, true)) return true;
   if (is_ahead) leads_.clear();

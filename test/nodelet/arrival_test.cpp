@@ -217,10 +217,15 @@ TEST(ImageStamps, StampsThatOnlyComeFasterOrLateAreRight) {
     EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(stamp + delays[i % 9])), Wrong::nothing)
         << i;
   }
-  for (int i = 0; i < 90; ++i) {  // a full queue of five images, which is emptied at once
-    const double stamp = 1500.0 + i / 30.0;
-    const double delay = i % 45 < 30 ? 0.02 : 0.02 + 5.0 / 30.0;
-    EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(stamp + delay)), Wrong::nothing) << i;
+  double start = 1200.0;
+  for (const double rate : {30.0, 5.0}) {  // a full queue of five images, which is emptied at once
+    start += 300.0;
+    for (int i = 0; i < 90; ++i) {
+      const double stamp = start + i / rate;
+      const double delay = i % 45 < 30 ? 0.02 : 0.02 + 5.0 / rate;
+      EXPECT_EQ(stamps.wrongWith(ros::Time(stamp), ros::Time(stamp + delay)), Wrong::nothing)
+          << rate << ", " << i;
+    }
   }
   for (int i = 0; i < 90; ++i) {  // a recording that is played at four times its speed
     const double stamp = 2000.0 + i / 30.0;
