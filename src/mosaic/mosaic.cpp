@@ -332,15 +332,15 @@ struct Mosaic::Impl {
 
   /// Keeps the pose of a drawn frame, and tests from time to time whether the camera only turns.
   void noteTurn() {
-    if (!surface().isPlane() || turn.verdict == Turn::Verdict::moves) return;
-    const double way = (middleInMap(*pose) - middle()).norm() / size.width;
-    if (next_test > kLastTest) return;
+    const bool is_known = !surface().isPlane() || turn.verdict == Turn::Verdict::moves;
+    if (is_known || next_test > kLastTest) return;
     turn_poses.push_back(*pose);
     if (turn_poses.size() > kTurnPoses) {  // keep every second pose
       std::size_t kept = 0;
       for (std::size_t i = 1; i < turn_poses.size(); i += 2) turn_poses[kept++] = turn_poses[i];
       turn_poses.resize(kept);
     }
+    const double way = (middleInMap(*pose) - middle()).norm() / size.width;
     if (way < next_test) return;
     next_test = 1.25 * way;
     bend();

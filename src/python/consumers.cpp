@@ -305,7 +305,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
     throw py::value_error("the homography is from a reference of " +
                           util::text(frame.reference_size) + " to an image of " +
                           util::text(frame.image_size) +
-                          "; expected a reference by the same camera: for a map, use TargetPose");
+                          "; expected a reference by the same camera: for a map, use Targets");
   }
   GroundFrame given;
   given.stamp = frame.stamp;

@@ -414,6 +414,7 @@ void TargetFinder::Impl::settle(std::size_t begin) {
 
 /// Reports each target of which only instances with undetermined corners were found.
 void TargetFinder::Impl::publishUndetermined() {
+  if (search.undetermined().empty()) return;
   std::unordered_set<const StoredTarget*> named;
   for (const FoundTarget& one : found) named.insert(one.target);
   for (const FoundTarget& one : search.undetermined()) {

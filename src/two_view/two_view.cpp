@@ -97,7 +97,7 @@ struct TwoViewEstimator::Impl {
   two_view::Support support;
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
-  std::vector<double> angles;
+  std::vector<double> values;  // buffer of medians
   double fitted_scale = 0.0;  // scale of the last fit in covarianceOf(), px
   double target_area = 0.0;
 };
@@ -381,16 +381,16 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const TwoView& result) {
   constexpr double kOfSampson = 2.0;  // factor for errors of both images and errors along the line
   const bool is_epipolar = result.geometry == Geometry::epipolar;
-  angles.clear();
+  values.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (deviations[i] > 1.0 || result.mask[i] != 0) continue;
     const Eigen::Vector2d& x = pairs.reference[i];
     const Eigen::Vector2d& u = pairs.target[i];
-    angles.push_back(is_epipolar ? kOfSampson * two_view::sampson(result.fundamental, x, u)
+    values.push_back(is_epipolar ? kOfSampson * two_view::sampson(result.fundamental, x, u)
                                  : homography::errorOf(result.homography, x, u));
   }
-  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
-  std::nth_element(angles.begin(), middle, angles.end());
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
@@ -552,7 +552,7 @@ void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, const TwoViewInpu
   hypotheses.prefer(poses);
   if (!setMotions(pairs, input, result)) return;
   two_view::label(pairs, cameras, options.max_error, result);
-  result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
+  result.parallax = two_view::parallaxOf(pairs, *cameras, result, values);
   if (result.other) result.doubt = Doubt::two_motions_of_a_plane;
 }
 
@@ -586,7 +586,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   result.status = Status::ok;
   two_view::label(pairs, cameras, options.max_error, result);
   if (!cameras) return true;
-  result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
+  result.parallax = two_view::parallaxOf(pairs, *cameras, result, values);
   if (result.other) result.doubt = doubtOf(result);
   if (movesInOneRegion(pairs, result)) doubtTheTravel(result);
   return true;
