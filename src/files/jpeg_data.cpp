@@ -54,9 +54,7 @@ void emitMessage(j_common_ptr jpeg, int level) {
 
 /// Decodes an eighth of the picture: the compressed data are read whole, and the pixels cost
 /// little.
-void decode(std::string_view bytes, jpeg_decompress_struct& jpeg) {
-  jpeg_mem_src(&jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
-  jpeg_read_header(&jpeg, TRUE);
+void decode(jpeg_decompress_struct& jpeg) {
   jpeg.scale_num = 1;
   jpeg.scale_denom = 8;
   jpeg_start_decompress(&jpeg);
@@ -70,7 +68,7 @@ void decode(std::string_view bytes, jpeg_decompress_struct& jpeg) {
 }  // namespace
 
 bool lacksData(std::string_view bytes, const cv::Mat& picture) {
-  if (bytes.substr(0, 3) != "\xFF\xD8\xFF" || !hasGreyCorner(picture)) return false;
+  if (bytes.substr(0, 3) != "\xFF\xD8\xFF") return false;
   jpeg_decompress_struct jpeg{};
   Errors errors;
   jpeg.err = jpeg_std_error(&errors.base);
@@ -80,7 +78,10 @@ bool lacksData(std::string_view bytes, const cv::Mat& picture) {
   // error means that libjpeg does not know its kind.
   if (setjmp(errors.end) == 0) {
     jpeg_create_decompress(&jpeg);
-    decode(bytes, jpeg);
+    jpeg_mem_src(&jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
+    jpeg_read_header(&jpeg, TRUE);
+    // Without its last scans, a progressive JPEG is blurred and has no grey.
+    if (jpeg.progressive_mode || hasGreyCorner(picture)) decode(jpeg);
   }
   jpeg_destroy_decompress(&jpeg);
   return errors.lacks_data;
