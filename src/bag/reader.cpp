@@ -8,16 +8,11 @@
 #include "ros/camera.h"
 #include "ros/image_conversion.h"
 #include "ros/image_stamps.h"
+#include "ros/stamps.h"
 #include "util/format.h"
 
 namespace ktgp_orb {
 namespace {
-
-/// `time` plus `seconds`, limited to the range of ros::Time.
-ros::Time later(const ros::Time& time, double seconds) {
-  if (time.toSec() + seconds >= ros::TIME_MAX.toSec()) return ros::TIME_MAX;
-  return time + ros::Duration(seconds);
-}
 
 bool isImage(const bag::Topic& topic) {
   return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "ros/stamps.h"
 #include "util/milliseconds.h"
 #include "util/printable.h"
 
@@ -104,8 +105,7 @@ void Diagnosis::refuse(const std::string& reason) {
 double Diagnosis::done(const ros::Time& stamp, Clock::time_point start) {
   const double milliseconds = util::millisecondsSince(start);
   const ros::Time now = ros::Time::now();
-  // Subtract seconds, since ros::Duration throws beyond 68 years and cameras may send any stamps.
-  const double latency = stamp.isZero() || now.isZero() ? 0.0 : now.toSec() - stamp.toSec();
+  const double latency = stamp.isZero() || now.isZero() ? 0.0 : secondsBetween(stamp, now);
   count(kDone);
   const Lock lock(mutex_);
   current_.latency += latency;

@@ -13,6 +13,7 @@
 #include "motion/rows.h"
 #include "ros/answer_message.h"
 #include "ros/pose_message.h"
+#include "ros/stamps.h"
 #include "util/constants.h"
 #include "util/format.h"
 
@@ -106,7 +107,7 @@ bool GroundReadings::complete(const std_msgs::Header& image) const {
   if (usesImu()) {
     // An Imu message with a stamp far in the future does not show that all earlier messages have
     // arrived.
-    const ros::Time latest = image.stamp + ros::Duration(config_.max_age);
+    const ros::Time latest = later(image.stamp, config_.max_age);
     const bool has_come = std::any_of(imus_.rbegin(), imus_.rend(), [&](const auto& imu) {
       return imu.header.stamp >= image.stamp && imu.header.stamp <= latest;
     });
@@ -272,7 +273,7 @@ GroundEstimate GroundReadings::withPatience(GroundEstimate estimate) {
   if (estimate.height_used) last_height_ = last_image_;
   if (estimate.down_used || !usesNormal()) last_normal_ = last_image_;
   const auto is_old = [this](const ros::Time& last) {
-    return last > last_image_ || (last_image_ - last).toSec() > kPatience;
+    return last > last_image_ || secondsBetween(last, last_image_) > kPatience;
   };
   if (!estimate.hasPose()) return estimate;
   if (is_old(last_height_)) {
@@ -338,11 +339,11 @@ const Message& GroundReadings::nearest(const std::deque<Message>& messages, cons
                                        const ros::Time& image) const {
   const auto found =
       std::min_element(messages.begin(), messages.end(), [&](const auto& a, const auto& b) {
-        return std::abs((a.header.stamp - image).toSec()) <
-               std::abs((b.header.stamp - image).toSec());
+        return std::abs(secondsBetween(image, a.header.stamp)) <
+               std::abs(secondsBetween(image, b.header.stamp));
       });
   if (found == messages.end()) throw std::invalid_argument("no " + what);
-  const double age = std::abs((image - found->header.stamp).toSec());
+  const double age = std::abs(secondsBetween(found->header.stamp, image));
   if (age <= config_.max_age) return *found;
   throw std::invalid_argument(
       util::format("the nearest %s is %.3f s away from the image; expected at most max_age, %.3f s",
@@ -361,7 +362,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
   }
   if (range.header.stamp == used_range_) return std::nullopt;  // use each reading only once
   HeightReading reading;
-  reading.age = (image.stamp - range.header.stamp).toSec();
+  reading.age = secondsBetween(range.header.stamp, image.stamp);
   reading.metres = value;
   reading.deviation = config_.height_deviation * reading.metres;
   reading.beam_direction = Eigen::Vector3d::UnitZ();
@@ -390,7 +391,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
 
 DownReading GroundReadings::downOfImu(const std_msgs::Header& image) const {
   const sensor_msgs::Imu& imu = nearest(imus_, "Imu on " + imu_topic_, image.stamp);
-  const double age = (image.stamp - imu.header.stamp).toSec();
+  const double age = secondsBetween(imu.header.stamp, image.stamp);
   const Eigen::Quaterniond turn(imu.orientation.w, imu.orientation.x, imu.orientation.y,
                                 imu.orientation.z);
   if (imu.orientation_covariance[0] < 0.0 || !(std::abs(turn.norm() - 1.0) < 0.01)) {
@@ -433,13 +434,13 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     }
     sum += vector(imu.angular_velocity);
     count += 1.0;
-    ages += (image.stamp - imu.header.stamp).toSec();
+    ages += secondsBetween(imu.header.stamp, image.stamp);
     deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) throw std::invalid_argument(why);
   const Pose3 found = transform(image.frame_id, frame, image.stamp);
-  const double length = (image.stamp - last_image_).toSec();
+  const double length = secondsBetween(last_image_, image.stamp);
   const Eigen::Vector3d angles = found.linear() * (length / count * sum);
   TurnReading reading;
   reading.rotation = motion::rotationAbout(angles);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "ros/stamps.h"
 #include "util/format.h"
 #include "util/names.h"
 
@@ -53,11 +54,11 @@ bool ImageStamps::isAhead(const ros::Time& stamp, const ros::Time& arrival) {
   // A queue of ten images at 30/s delays all of them alike, s.
   constexpr double kBacklog = 0.35;
   if (arrival.isZero()) return false;
-  const double lead = stamp.toSec() - arrival.toSec();
+  const double lead = secondsBetween(arrival, stamp);
   const auto [least, most] = std::minmax_element(leads_.begin(), leads_.end());
   const bool is_steady = leads_.size() >= kLeast && *most - *least < kJitter;
   // If a queue is emptied at once, the stamps go on as before.
-  const bool is_step = (stamp - last_).toSec() > kBacklog;
+  const bool is_step = secondsBetween(last_, stamp) > kBacklog;
   const bool is_ahead = is_steady && is_step && lead > *most + kBacklog;
   if (is_ahead) ahead_ = lead - *most;
   if (is_ahead && !std::exchange(was_ahead_, true)) return true;

@@ -12,6 +12,7 @@
 
 #include "files/csv.h"
 #include "ktgp_orb/status.h"
+#include "ros/stamps.h"
 #include "tools/bag_writer.h"
 #include "util/counted.h"
 
@@ -207,10 +208,8 @@ void BagMotion::readMessages(const std::string& path) {
 }
 
 void BagMotion::passOn(const ros::Time& time) {
-  const double max_age = options_.config.max_age;
-  const bool is_last = time.toSec() + max_age >= ros::TIME_MAX.toSec();
-  const ros::Time until = is_last ? ros::TIME_MAX : time + ros::Duration(max_age);
-  const bool restarted = last_.toSec() - time.toSec() > kWentBack;
+  const ros::Time until = later(time, options_.config.max_age);
+  const bool restarted = secondsBetween(time, last_) > kWentBack;
   if (restarted && transforms_.goesOn()) tf_.clear();
   last_ = time;
   ranges_.passUntil(until, restarted, [this](const auto& range) { readings_.add(range); });

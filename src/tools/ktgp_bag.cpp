@@ -28,6 +28,7 @@
 #include "ros/image_conversion.h"
 #include "ros/message_matcher.h"
 #include "ros/rate_limiter.h"
+#include "ros/stamps.h"
 #include "tools/bag_motion.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_targets.h"
@@ -320,7 +321,7 @@ class Run {
     count(messages);
     gaps_ += messages.statistics->reason == static_cast<std::uint8_t>(NoReference::gap) ? 1 : 0;
     const ros::Time& stamp = recorded.image->header.stamp;
-    if (matched_ > 1) steps_.push_back((stamp - last_stamp_).toSec());
+    if (matched_ > 1) steps_.push_back(secondsBetween(last_stamp_, stamp));
     last_stamp_ = stamp;
     if (!is_fixed_ && matched.match.match.hasStillThings()) ++with_still_things_;
     views_.add(recorded.image, *messages.homography);

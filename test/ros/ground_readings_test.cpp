@@ -194,6 +194,21 @@ TEST(GroundReadings, ASingleWrongStampLosesNoReading) {
   }
 }
 
+// Ages of more than 68 years do not fit into a ros::Duration.
+TEST(GroundReadings, AnyStampIsComparedWithAnyOther) {
+  constexpr double kLast = 4294967295.0;
+  for (const double reading : {1.0, kLast}) {
+    for (const double image : {1.0, 1.8e9, kLast}) {
+      Stream stream;
+      stream.addRange(reading);
+      stream.addImu(reading, 1.0);
+      EXPECT_NO_THROW(stream.frame(1.0)) << reading;
+      EXPECT_NO_THROW(stream.frame(image)) << reading << ", " << image;
+      EXPECT_NO_THROW(stream.readings.complete(stream.image(image))) << reading << ", " << image;
+    }
+  }
+}
+
 // A drawn map, say, of which K is not known.
 TEST(GroundReadings, AReferenceOfAnotherSizeIsRefused) {
   Stream stream;
