@@ -5,9 +5,29 @@
 #include <fstream>
 #include <set>
 #include <stdexcept>
+#include <vector>
 
 namespace ktgp_orb::tools {
 namespace {
+
+/// Throws std::invalid_argument for a name that occurs twice, since parsers of YAML differ in which
+/// of the two values they take.
+void requireEachOnce(const YAML::Node& map) {
+  std::set<std::string> names;
+  for (const auto& entry : map) {
+    if (!entry.first.IsScalar() || names.insert(entry.first.Scalar()).second) continue;
+    throw std::invalid_argument(entry.first.Scalar() + " occurs twice; expected it once");
+  }
+}
+
+YAML::Node onlyDocument(const std::string& text) {
+  const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+  if (documents.size() > 1) {
+    throw std::invalid_argument("has " + std::to_string(documents.size()) +
+                                " YAML documents; expected one");
+  }
+  return documents.empty() ? YAML::Node() : documents.front();
+}
 
 /// Finds the map with the parameters, which may be nested in other maps.
 YAML::Node parametersIn(YAML::Node node) {
@@ -17,6 +37,7 @@ YAML::Node parametersIn(YAML::Node node) {
       throw std::invalid_argument(
           "it is nested too deeply; expected `name: value` lines in one or two");
     }
+    requireEachOnce(node);
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
       // The parameters are within a namespace.
@@ -32,7 +53,7 @@ YAML::Node parametersIn(YAML::Node node) {
 void readYaml(const std::string& text, Parameters& parameters) {
   // Parameters that the node reads once at start and that do not affect results.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
-  const YAML::Node all = parametersIn(YAML::Load(text));
+  const YAML::Node all = parametersIn(onlyDocument(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();

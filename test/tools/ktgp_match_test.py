@@ -71,31 +71,7 @@ class KtgpMatch(PairCase):
                          {str(self.json()["inliers"])})
 
     def test_each_parameter_of_the_table_is_used_or_refused_or_of_the_stream_alone(self):
-        other = {"descriptor": "teblid", "distribution": "uniform", "geometry": "auto", "mask_image": "none.png",
-                 "roi": "0 0 150 100", "calibration": "raw", "stretch": "range", "reference_mode": "keyframe",
-                 "reference_image": "none.png", "overlay_style": "flow"}
-        stream = {"reference_mode", "reference_image", "max_reference_age", "max_rate", "lazy", "overlay_style",
-                  "max_latency", "max_pair_megapixels"}
-        refused = {"mask_image", "roi", "calibration", "rectify", "stretch"}
-        with open(os.path.join(SOURCE, "src", "parameters", "table.def")) as file:
-            rows = re.findall(r"^KTGP_(BOOL|INT|DOUBLE|STRING|CHOICE)\((\w+), ([^,]+), ([^,]+), ", file.read(), re.M)
-        self.assertGreater(len(rows), 25)
-        for kind, name, usual, low in rows:
-            value = other.get(name)
-            if kind == "BOOL":
-                value = "false" if usual == "true" else "true"
-            elif value is None:
-                value = low if float(low) != float(usual) else str(type(eval(usual))(eval(usual) + 1))
-            self.write("one.yaml", f"{name}: {value}\n")
-            run = self.match("a.pgm", "b.pgm", "--params", "one.yaml", "--json", "out.json", code=None)
-            if name in refused:
-                self.assertEqual(run.returncode, 2, name)
-                self.assertIn(f"{name} is {value}, which is for the images of a node", run.stderr)
-                continue
-            self.assertIn(run.returncode, (0, 1), (name, run.stderr))
-            if name not in stream:
-                self.assertEqual(str(self.json()["options"][name]).lower().rstrip("0").rstrip("."),
-                                 value.rstrip("0").rstrip("."), name)
+        self.check_each_parameter("ktgp_match", "a.pgm", "b.pgm")
 
     def test_there_is_advice_where_nothing_is_found(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))
@@ -346,7 +322,10 @@ class KtgpMatch(PairCase):
                                ("descriptor: slow\n", "teblid"), ("extractor: opencv\n", "no parameter extractor"), ("",
                                                                                                               "name: value"),
                                ("&a {b: *a}\n", "too deep"),  # a map that contains itself
-                               ("&a {dictitems: *a}\n", "too deep")):
+                               ("&a {dictitems: *a}\n", "too deep"),
+                               ("T_w: 0.7\nviews: 5\nT_w: 0.8\n", "T_w occurs twice; expected it once"),
+                               ("{dictitems: {T_w: 0.7}, dictitems: {T_w: 0.8}}\n", "dictitems occurs twice"),
+                               ("T_w: 0.7\n---\nT_w: 0.8\n", "has 2 YAML documents; expected one")):
             self.write("bad.yaml", text)
             self.match("a.pgm", "b.pgm", "--params", "bad.yaml", code=2, words=("bad.yaml", expected))
         self.match("a.pgm", "b.pgm", "--params", "none.yaml", code=2, words="none.yaml")

@@ -12,7 +12,7 @@ import subprocess
 import time
 import unittest
 
-from tool_case import TOOLS, PairCase
+from tool_case import TOOLS, PairCase, parameter_rows
 
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
@@ -276,6 +276,9 @@ class MatchOutput(OutputCase):
 
 
 class EvaluateOutput(OutputCase):
+    def test_each_parameter_of_the_table_is_used_or_refused(self):
+        self.check_each_parameter("ktgp_evaluate", "pairs.txt", "--methods", "KTGP")
+
     def test_outputs_are_checked_as_everywhere(self):
         for option in ("--json", "--csv"):
             self.refused("ktgp_evaluate", "pairs.txt", option, "pairs.txt", "--force",
@@ -337,6 +340,10 @@ class BagOutput(OutputCase):
 
     def refuses(self, *options, **expected):
         self.refused("ktgp_bag", self.bag, "out.bag", *options, **expected)
+
+    @unittest.skipUnless((TOOLS / "ktgp_evaluate_bag").exists(), "built without the research programs")
+    def test_each_parameter_of_the_table_is_used_or_refused_by_the_evaluation(self):
+        self.check_each_parameter("ktgp_evaluate_bag", self.bag)
 
     def test_the_only_image_topic_needs_no_name(self):
         self.run_tool("ktgp_bag", self.bag, "out.bag", words="9 images of /camera/image_raw")
@@ -422,6 +429,27 @@ class BagOutput(OutputCase):
         self.refuses("--reference_mode", "fixed", words="there is no reference")
         self.write("node.yaml", "lazy: false\nmax_latency: 1.0\n")
         self.run_tool("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")  # parameters of a node are not an error
+
+    def test_each_parameter_of_the_table_changes_the_result_or_is_refused_or_of_another_kind_of_run(self):
+        def result(name, value):
+            """The rows without what is measured in time; empty: it was refused."""
+            self.write("one.yaml", f"{name}: {value}\n")
+            run = self.run_tool("ktgp_bag", self.bag, "out.bag", "--force", "--csv", "out.csv", "--params", "one.yaml",
+                                code=None)
+            if run.returncode == 2:
+                self.assertIn(name, run.stderr)
+                return []
+            self.assertEqual(run.returncode, 0, (name, run.stderr))
+            return [{key: each for key, each in row.items() if "milliseconds" not in key and "ms" not in key.split("_")
+                     and key != "configuration"} for row in self.table()]
+        usual = result("features", 2000)
+        without_effect = {
+            "threads", "lazy", "max_latency", "max_pair_megapixels", "overlay_style",  # not of what is matched
+            "growth", "views",  # where PROSAC finds nothing
+            "gms_rotation", "gms_scale", "fast_adaptive",  # the camera neither turns nor nears, and sees enough
+            "calibration", "stretch", "max_reference_age", "max_rate"}  # there are no such images
+        same = {name for name, value in parameter_rows() if result(name, value) == usual}
+        self.assertLessEqual(same, without_effect)
 
     def test_topics_have_names_that_ros_takes(self):
         for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):

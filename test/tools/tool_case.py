@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import random
+import re
 import subprocess
 import tempfile
 import unittest
@@ -69,6 +70,23 @@ def two_depths(first, K, distance, direction, rotation=np.eye(3)):
     return second
 
 
+def parameter_rows():
+    """Name and a value other than the default of each parameter in the table of the matcher."""
+    other = {"descriptor": "teblid", "distribution": "uniform", "geometry": "auto", "mask_image": "none.png",
+             "roi": "0 0 150 100", "calibration": "raw", "stretch": "range", "reference_mode": "keyframe",
+             "reference_image": "none.png", "overlay_style": "flow"}
+    text = (SOURCE / "src/parameters/table.def").read_text()
+    rows = re.findall(r"^KTGP_(BOOL|INT|DOUBLE|STRING|CHOICE)\((\w+), ([^,]+), ([^,]+), ", text, re.M)
+    assert len(rows) > 25
+    for kind, name, usual, low in rows:
+        if kind == "BOOL":
+            yield name, "false" if usual == "true" else "true"
+        elif name in other:
+            yield name, other[name]
+        else:
+            yield name, low if float(low) != float(usual) else str(type(eval(usual))(eval(usual) + 1))
+
+
 class FolderCase(unittest.TestCase):
     """With a folder that is deleted after each test, and a way to run programs in it."""
     timeout = 300  # s, of a program
@@ -130,6 +148,23 @@ class ToolCase(FolderCase):
 
     def run_tool(self, tool, *arguments, **options):
         return self.run_program(TOOLS / tool, *arguments, **options)
+
+    def check_each_parameter(self, tool, *arguments):
+        """Of pairs: --params refuses what is of images of a stream, and --json shows that it used what decides."""
+        stream = {"reference_mode", "reference_image", "max_reference_age", "max_rate", "lazy", "overlay_style",
+                  "max_latency", "max_pair_megapixels"}
+        refused = {"mask_image", "roi", "calibration", "rectify", "stretch"}
+        for name, value in parameter_rows():
+            self.write("one.yaml", f"{name}: {value}\n")
+            run = self.run_tool(tool, *arguments, "--params", "one.yaml", "--json", "out.json", "--force", code=None)
+            if name in refused:
+                self.assertEqual(run.returncode, 2, name)
+                self.assertIn(f"{name} is {value}, which is for the images of a node", run.stderr)
+                continue
+            self.assertIn(run.returncode, (0, 1), (name, run.stderr))
+            if name not in stream:
+                self.assertEqual(str(self.json()["options"][name]).lower().rstrip("0").rstrip("."),
+                                 value.rstrip("0").rstrip("."), name)
 
 
 class PairCase(ToolCase):
