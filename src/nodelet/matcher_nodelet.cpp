@@ -284,7 +284,10 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   // Do not use the camera's lens and masks, since the images may be from another camera.
   configuration.view = {};
+  // Without waiting for the views, the only target would be matched without them.
+  configuration.sequence.views_in_background = false;
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
+  configuration.reference_frame = nullptr;
   // Prefix of the error text, which otherwise would not say which image is wrong.
   const char* image = "reference: ";
   try {

@@ -17,6 +17,24 @@ MatcherSettings::FileState MatcherSettings::stateOf(const std::string& path) {
   return {size, time};
 }
 
+/// The frame of a large reference. Its features take up to a second, which this thread can spend
+/// while the stream goes on. Null for a small reference, and if none is used.
+FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
+                                            const Configuration& before) {
+  // px; the features of a smaller image take less time than the interval of 33 ms between images.
+  constexpr std::uint64_t kLarge = 1'000'000;
+  const sensor_msgs::ImageConstPtr& image = wanted.reference_image;
+  const bool is_used = wanted.sequence.reference.mode == ReferenceMode::fixed;
+  if (!image || !is_used || std::uint64_t{image->width} * image->height < kLarge) return nullptr;
+  const OrbOptions orb = withImages(wanted.sequence).orb;
+  const bool is_same = image == before.reference_image && wanted.stretch == before.stretch;
+  if (is_same && before.reference_frame && before.reference_frame->orb == orb) {
+    return before.reference_frame;
+  }
+  OrbExtractor extractor(orb);
+  return makeFrame(image, extractor, wanted.stretch);
+}
+
 void MatcherSettings::configure(const KtgpConfig& config, const std::string& image_topic) {
   Configuration wanted = configurationFrom(config, configuration_.number);
   const bool are_rectified = pixelsFrom(config.calibration, image_topic) == Pixels::rectified;
@@ -40,6 +58,8 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   wanted.view.pixels = are_rectified ? Pixels::rectified : Pixels::raw;
   wanted.view.camera =
       wanted.sequence.matcher.geometry == GeometryModel::homography ? nullptr : camera_;
+  wanted.sequence.views_in_background = true;
+  wanted.reference_frame = preparedReference(wanted, configuration_);
   if (is_configured_) ++wanted.number;
   configuration_ = std::move(wanted);  // no statement from here on throws
   reference_file_ = config.reference_image;
@@ -86,6 +106,7 @@ bool MatcherSettings::setCamera(const sensor_msgs::CameraInfoConstPtr& info, std
 }
 
 void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
+  requireSmall("it", *image);
   const cv::Mat mask = maskFrom(image);
   if (hidesAll(mask)) throw RefusedImage("it " + std::string(kHidesAll));
   configuration_.view.sent_mask = mask;
@@ -93,10 +114,18 @@ void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
+  requireSmall("it", *image);
   const bool none = image->width == 0 || image->height == 0;
   if (!none) greyImage(image, configuration_.stretch);  // only a check: throws for a bad image
-  configuration_.reference_image = none ? file_reference_ : image;
+  useReference(none ? file_reference_ : image);
   ++configuration_.number;
+}
+
+void MatcherSettings::useReference(const sensor_msgs::ImageConstPtr& image) {
+  Configuration wanted = configuration_;
+  wanted.reference_image = image;
+  wanted.reference_frame = preparedReference(wanted, configuration_);
+  configuration_ = std::move(wanted);
 }
 
 bool MatcherSettings::rereadReference(bool at_once) {
@@ -109,7 +138,7 @@ bool MatcherSettings::rereadReference(bool at_once) {
   const auto before =
       std::exchange(file_reference_, readImageFile("reference_image", reference_file_));
   // Keep a reference that came from ~reference.
-  if (configuration_.reference_image == before) configuration_.reference_image = file_reference_;
+  if (configuration_.reference_image == before) useReference(file_reference_);
   ++configuration_.number;
   return true;
 }

@@ -40,6 +40,8 @@ class MatcherSettings {
   using FileState = std::pair<std::uintmax_t, std::filesystem::file_time_type>;
 
   static FileState stateOf(const std::string& path);
+  void useReference(const sensor_msgs::ImageConstPtr& image);
+  static FramePtr preparedReference(const Configuration& wanted, const Configuration& before);
 
   Configuration configuration_;
   bool is_configured_ = false;

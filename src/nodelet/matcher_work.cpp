@@ -92,6 +92,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.setProblem("camera", cameraProblem(match), false);
   if (!has_reference)
     diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
+  diagnosis_.setValue("views of the reference", toString(matcher_.viewsState()));
   diagnosis_.setValue("last status", toString(status));
   diagnosis_.setValue("last geometry", toString(match.match.geometry));
   facts_.finds_geometries = match.match.stage(StageId::two_view) != nullptr;

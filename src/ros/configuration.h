@@ -23,6 +23,9 @@ struct Configuration {
   std::uint32_t number = 0;  ///< number of changes so far
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the initial fixed reference; null: none
+  /// `reference_image` with its features, so that the stream need not wait for them; null: the
+  /// stream extracts them from reference_image.
+  FramePtr reference_frame;
   util::GreyStretch stretch =
       util::GreyStretch::percentile;  ///< how 16-bit images are converted to 8 bits
   CameraView view;             ///< applies to the images of the camera, not to reference_image

@@ -230,7 +230,7 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   }
   if (image.empty()) refuse("cannot be decoded; it is damaged, or of a kind that OpenCV lacks");
   if (files::lacksData(bytes, image)) {
-    refuse("is damaged: data are missing, and the picture is grey there");
+    refuse("is damaged: data are missing, and a part of the picture is grey or blurred");
   }
   return image;
 }
@@ -403,7 +403,9 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
   cv_bridge::CvImage image;
   image.image = readPicture(name, path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
-  return image.toImageMsg();
+  const sensor_msgs::ImageConstPtr message = image.toImageMsg();
+  requireSmall(name + " " + util::printable(path), *message);
+  return message;
 }
 
 cv::Mat readMaskFile(const std::string& path) {

@@ -13,6 +13,7 @@ MessageMatcher::MessageMatcher(const Configuration& configuration)
 
 FramePtr MessageMatcher::configuredReference(const Configuration& configuration) {
   if (!configuration.reference_image) return nullptr;
+  if (configuration.reference_frame) return configuration.reference_frame;
   FramePtr frame = sequence_.newFrame();
   toFrame(configuration.reference_image, configuration.stretch, *frame);
   return frame;
@@ -25,7 +26,10 @@ void MessageMatcher::fixReference(const FramePtr& frame) {
 
 void MessageMatcher::configure(const Configuration& configuration) {
   // All calls that may throw come before any change.
-  const bool another = configuration.reference_image != configuration_.reference_image;
+  const bool found_anew = configuration.reference_frame &&
+                          configuration.reference_frame != configuration_.reference_frame;
+  const bool another = configuration.reference_image != configuration_.reference_image ||
+                       (found_anew && !holdsSetReference());
   const FramePtr reference = another ? configuredReference(configuration) : nullptr;
   sequence_.setOptions(configuration.sequence);
   if (another) fixReference(reference);

@@ -37,6 +37,8 @@ class MessageMatcher {
   /// The reference of the fixed mode, or null.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
+  ViewsState viewsState() const { return sequence_.viewsState(); }
+
   /// Whether the reference of the fixed mode is a frame of the camera and not the configured image.
   /// Compares the addresses of the pixels, because new options replace the frame but not its
   /// pixels.

@@ -14,8 +14,8 @@ import rospy
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, MatcherCase, check_each, corners_off, image_message, no_delay, shift, texture,
-                          translation, view, wait_until)
+from ktgp_testing import (TIMEOUT, Diagnostics, MatcherCase, check_each, corners_off, image_message, no_delay, shift,
+                          texture, translation, view, wait_until)
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
@@ -247,6 +247,49 @@ class InputsTest(MatcherCase):
         self.reference.publish(Image())  # none any more
         last = self.send_until_changed(before, lambda: self.send(view(200, 150)))
         self.assertEqual(last.reason, MatchStatus.REASON_NOT_SET)
+
+    def test_a_reference_or_mask_of_too_many_pixels_is_refused(self):
+        huge = Image(width=9000, height=8000, encoding='mono8', step=9000)
+        for publisher, what in ((self.reference, 'the reference'), (self.mask, 'the mask')):
+            publisher.publish(huge)
+            self.log.wait_for_words('%s on %s is refused, the old one stays: it is 9000x8000 (72 megapixels); expected '
+                                    '64 at most' % (what, publisher.name))
+        self.mask.publish(Image())
+        with tempfile.NamedTemporaryFile(suffix='.png') as file:
+            cv2.imwrite(file.name, np.zeros((8000, 9000), np.uint8))
+            self.client.update_configuration({'reference_image': file.name})
+            self.wait_for_diagnostics('9000x8000 (72 megapixels); expected 64 at most')
+            self.client.update_configuration({'reference_image': ''})
+
+    def test_images_flow_while_a_large_reference_is_prepared(self):
+        """Its features and its views take seconds; hardly an image in a row waits for them."""
+        wanted = {'reference_mode': 'fixed', 'growth': True, 'views': 13}
+        before = self.client.get_configuration()
+        self.addCleanup(self.client.update_configuration, {name: before[name] for name in wanted})
+        self.client.update_configuration(wanted)
+        reports = Diagnostics(self)
+
+        def state(since):
+            values = [{v.key: v.value for v in status.values} for status in reports.of(': matcher', since)]
+            return values[-1].get('views of the reference', '') if values else ''
+        for number, (height, width) in enumerate(((200, 12000), (3000, 4000))):
+            stamp = rospy.Time(50 + number)
+            answers, sent, used = len(self.statistics.messages()), [], None
+            self.reference.publish(image_message(texture(height, width, seed=number + 5), stamp))
+            while used is None or state(used) != 'ready':
+                self.move()
+                sent.append(self.camera.show(view(self.position, 100, WIDTH, HEIGHT)))
+                rospy.rostime.wallsleep(0.05)
+                newest = self.statistics.messages()[-1] if self.statistics.messages() else None
+                if used is None and newest is not None and newest.reference_stamp == stamp:
+                    used = len(reports.messages())
+                self.assertLess(len(sent), 20 * TIMEOUT)
+            answered = {m.header.stamp for m in self.statistics.messages()[answers:]}
+            runs = ''.join('x' if each in answered else '.' for each in sent).split('x')
+            print('%dx%d: %d of %d images matched meanwhile, at most %d in a row were not'
+                  % (width, height, len(answered), len(sent), max(map(len, runs))))
+            self.assertLess(max(map(len, runs)), max(6, 0.2 * len(sent)))
+        self.reference.publish(Image())
 
     def test_a_pipe_as_an_image_file_does_not_block(self):
         path = os.path.join(tempfile.mkdtemp(), 'pipe')
