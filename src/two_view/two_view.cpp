@@ -98,7 +98,7 @@ struct TwoViewEstimator::Impl {
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
   std::vector<double> values;  // buffer of medians
-  double fitted_scale = 0.0;  // scale of the last fit in covarianceOf(), px
+  double fitted_scale = 0.0;   // scale of the last fit in covarianceOf(), px
   double target_area = 0.0;
 };
 

@@ -8,11 +8,13 @@
 #include <atomic>
 #include <random>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "allocation_counter.h"
 #include "util/grey_levels.h"
+#include "util/printable.h"
 #include "util/small_matrix.h"
 
 namespace ktgp_orb::util {
@@ -109,6 +111,18 @@ cv::Mat ramp() {
 
 double mean(const cv::Mat& image) {
   return cv::mean(image)[0];
+}
+
+/// SECURITY.md: what others wrote comes into logs with at most 600 bytes of it.
+TEST(Printable, KeepsTheFirstBytesWithoutControlCharacters) {
+  const std::string kept = printable(std::string(5000, 'x'), 600);
+  EXPECT_EQ(kept.substr(0, 600), std::string(600, 'x'));
+  EXPECT_LT(kept.size(), 700U);
+  EXPECT_LT(printable(std::string(5000, 'x')).size(), 300U);
+  for (const char c : printable(std::string("a\x1b[31m\n\r\0b\x7f", 11), 600)) {
+    EXPECT_GE(c, ' ');
+    EXPECT_LT(c, '\x7f');
+  }
 }
 
 TEST(GreyStretch, HotAndDeadPixelsDoNotDimTheRest) {
