@@ -121,14 +121,19 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   return common;
 }
 
+/// The standard deviation of the place of a corner in B, px.
+double cornerDeviation(const Outcome& outcome, const Eigen::Vector2d& corner) {
+  const UncertainHomography& answer = outcome.pair.match.answer;
+  return homography::cornerDeviation(answer.homography, answer.covariance,
+                                     {corner, corner, corner, corner})
+      .target;
+}
+
 /// The largest standard deviation of a corner of the common part, px of B.
 double cornerDeviation(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
-  const UncertainHomography& answer = outcome.pair.match.answer;
   double largest = 0.0;
   for (const Eigen::Vector2d& corner : corners) {
-    const double deviation = homography::cornerDeviation(answer.homography, answer.covariance,
-                                                         {corner, corner, corner, corner})
-                                 .target;
+    const double deviation = cornerDeviation(outcome, corner);
     largest = std::isfinite(deviation) ? std::max(largest, deviation) : deviation;
   }
   return largest;
@@ -396,7 +401,14 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["rmse"] = result.rmse;
   if (result.homographyStatus() != Status::ok) return out;
   out.update(tools::toJson(result.answer));
-  out["corner_deviation"] = cornerDeviation(outcome, commonCorners(outcome));
+  const std::vector<Eigen::Vector2d> corners = commonCorners(outcome);
+  out["corner_deviation"] = cornerDeviation(outcome, corners);
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Vector2d place = homography::project(result.answer.homography, corner);
+    out["corners"].push_back({{"reference", {corner.x(), corner.y()}},
+                              {"target", {place.x(), place.y()}},
+                              {"deviation", cornerDeviation(outcome, corner)}});
+  }
   if (outcome.truth) {
     out["corner_error"] =
         metrics::cornerError(result.answer.homography, *outcome.truth, pair.reference.image_size);

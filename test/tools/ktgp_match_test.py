@@ -61,6 +61,13 @@ class KtgpMatch(PairCase):
         inside = max(deviation(x, y) for x in (60, 259) for y in (40, 199))
         self.assertAlmostEqual(found["corner_deviation"], inside, delta=0.05 * inside)
         self.assertGreater(deviation(0, 0), 1.2 * inside)
+        self.assertEqual(len(found["corners"]), 4)
+        for corner in found["corners"]:
+            x, y = corner["reference"]
+            p = H @ (x, y, 1.0)
+            np.testing.assert_allclose(corner["target"], p[:2] / p[2], atol=1e-6)
+            self.assertAlmostEqual(corner["deviation"], deviation(x, y), delta=1e-6)
+            self.assertLess(min(abs(x - 60), abs(x - 259)) + min(abs(y - 40), abs(y - 199)), 3)
 
     def test_the_table_says_what_is_off_and_names_one_number_of_inliers(self):
         run = self.match_photos("a.pgm", "b.pgm", "--json", "out.json")
