@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# One of many recordings: one_recording.sh RECORDING FOLDER [OPTIONS of ktgp_bag], for GNU parallel, xargs, Slurm ...
-# Its files, matched.bag and those of the options, are in FOLDER/RECORDING/. Run again, it skips what is finished.
-# Names in the options are below that folder unless they begin with /.
+# Processes one of many recordings, for xargs, GNU parallel or Slurm: one_recording.sh RECORDING FOLDER [OPTIONS of ktgp_bag]
+# The results, matched.bag and the files that the options name, are in FOLDER/RECORDING/. If matched.bag exists, nothing is
+# done. File names in the options are relative to this folder unless they begin with /.
 set -euo pipefail
 if [ "${1:-}" = --help ]; then
   sed -n '2,4s/^# //p' "$0"

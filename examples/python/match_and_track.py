@@ -41,7 +41,8 @@ def track(path):
     """Prints where the centre of the first frame is in each frame of a video."""
     video = cv2.VideoCapture(path)
     rate = video.get(cv2.CAP_PROP_FPS) or 30.0
-    # The errors of `accumulated` add up from keyframe to keyframe. With 'previous' they add up from frame to frame.
+    # With 'keyframe', the errors of `accumulated` add up only from keyframe to keyframe, with 'previous' from frame to
+    # frame.
     sequence = ktgp.Sequence(reference_mode='keyframe')
     count = 0
     while True:

@@ -22,7 +22,7 @@ PICTURE_WIDTH = 1400  # px
 
 
 class Tools:
-    """Runs the command-line programs and collects their complaints."""
+    """Runs the command-line programs and collects their error messages."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
@@ -44,7 +44,7 @@ class Tools:
             return json.loads(out.read_text())
 
     def picture(self, kind, reference, target):
-        """A picture of ktgp_match as JPEG."""
+        """A picture written by ktgp_match, as JPEG."""
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "out.png"
             self.run("ktgp_match", reference, target, "--preset", "ktgp", kind, out)
@@ -95,7 +95,7 @@ def add_paper_tables(document, measured):
 
 
 def sweep(tools, folders, option, values, methods):
-    """Results per value of one threshold."""
+    """The results for each value of one threshold."""
     runs = []
     for value in values:
         progress(f"{option} {value}")
@@ -143,7 +143,7 @@ def add_figure_12(document, measured):
 
 
 def find_pair(folder, pair):
-    """Files of the two images "1-k" of an Oxford folder."""
+    """The files of the two images of pair "1-k" in an Oxford folder."""
     return [sorted(folder.glob(f"img{k}.p?m"))[0] for k in pair.split("-")]
 
 
@@ -212,7 +212,7 @@ def add_warps(document, tools, arguments):
 
 
 def image_sets(paths):
-    """Name -> folder of every image set among `paths` and directly below them."""
+    """Name and folder of every image set that is one of `paths` or a folder directly in one of them."""
     folders = {}
     for path in map(pathlib.Path, paths):
         for folder in [path, *sorted(p for p in path.glob("*") if p.is_dir())]:
@@ -222,7 +222,7 @@ def image_sets(paths):
 
 
 def image_folders(paths):
-    """The folders among `paths`, and directly below them, that hold images."""
+    """The folders with images that are one of `paths` or directly in one of them."""
     endings = (".ppm", ".pgm", ".png", ".jpg", ".jpeg")
     found = []
     for path in map(pathlib.Path, paths):
@@ -237,7 +237,7 @@ def parse_arguments():
         prog="scripts/evaluate", description=__doc__,
         usage="%(prog)s [--built FOLDER] [--data DIR ...] [--bag FILE] [options]",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    # scripts/evaluate sets --tools and reads --built.
+    # --tools comes from scripts/evaluate, which reads --built.
     parser.add_argument("--tools", default="", help=argparse.SUPPRESS)
     parser.add_argument("--built", default=argparse.SUPPRESS, metavar="FOLDER",
                         help="first of all: take the programs of this build, and build nothing")

@@ -1,4 +1,4 @@
-"""Accuracy of the homographies, as a table and over their time."""
+"""Accuracy of the homographies, as a table and as plots over the time that they take."""
 import plots
 
 HEADER = ["method", "AUC 1 px %", "AUC 3 px %", "AUC 5 px %", "AUC 10 px %", "median px", "found %",
@@ -15,7 +15,7 @@ EXPLANATION = (
 
 
 def number(value, digits=1, scale=1.0):
-    """A figure as text, or a dash."""
+    """A number as text, or a dash if there is none."""
     return "–" if value is None else f"{scale * value:.{digits}f}"
 
 
@@ -28,7 +28,7 @@ def _row(summary):
 
 
 def add_accuracy(document, measured, title, slug, threshold):
-    """A table per set and one plot per set: AUC up to `threshold` px over the time of a pair."""
+    """For each set, a table and a plot of the AUC up to `threshold` px over the time of a pair."""
     rated = [s for s in measured["summary"] if "auc_1" in s]
     names = list(dict.fromkeys(s["set"] for s in rated))
     for name in names:

@@ -20,7 +20,7 @@ figure.half { max-width: calc(50% - 1.2rem) } figcaption { font-size: 13px; colo
 
 
 class Document:
-    """Blocks are added in order; the HTML file needs no other files."""
+    """Collects blocks in their order. The HTML file needs no other files."""
 
     def __init__(self, title):
         self.title = title
@@ -53,7 +53,8 @@ class Document:
         self.markdown.append(f"**{caption}**\n\n" + "\n".join(lines))
 
     def picture(self, name, caption, data, half=False):
-        """`name`: of the file beside the Markdown, ending in .svg or .jpg. `half`: of the width."""
+        """Adds a picture. `name`: name of the file beside the Markdown, ending in .svg or .jpg. `half`: whether it
+        takes half of the width."""
         kind = {"svg": "svg+xml", "jpg": "jpeg"}[name.rsplit(".", 1)[1]]
         source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
         attribute = ' class="half"' if half else ""
@@ -63,7 +64,7 @@ class Document:
         self.files[name] = data
 
     def write(self, folder):
-        """index.html, report.md and, for the latter, figures/."""
+        """Writes index.html, report.md and, for report.md, the folder figures/."""
         folder = pathlib.Path(folder)
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         page = ("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"

@@ -4,8 +4,8 @@
                      [OPTIONS]
 
 The recording has images, camera_info, the readings of height and tilt, and tf from FRAME ground to FRAME base
-(motion capture, for example) at 50/s or more. OPTIONS go to ktgp_bag; without a --reference_mode it is called as
-doc/motion.md recommends.
+(for example from motion capture) at 50 Hz or more. OPTIONS are passed to ktgp_bag; without --reference_mode it is
+called with the options that doc/motion.md recommends.
 """
 import argparse
 import csv
@@ -23,7 +23,7 @@ BOUND = 16.266  # 99.9 % of chi square with three degrees of freedom
 
 
 def rotation(vector):
-    """Matrices (n, 3, 3) of rotation vectors (n, 3), rad."""
+    """Rotation matrices (n, 3, 3) from rotation vectors (n, 3), rad."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     x, y, z = np.moveaxis(vector, -1, 0)
     zero = np.zeros_like(x)
@@ -32,7 +32,7 @@ def rotation(vector):
 
 
 def vector_of(matrix):
-    """The rotation vector, rad, of a rotation by less than 180 degrees."""
+    """The rotation vector, rad, of a rotation matrix; the angle must be below 180 degrees."""
     part = np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
     sine = np.linalg.norm(part)
     angle = np.arctan2(sine, (np.trace(matrix) - 1) / 2)
@@ -40,7 +40,7 @@ def vector_of(matrix):
 
 
 def matrix_of(q):
-    """Of a quaternion x, y, z, w."""
+    """The rotation matrix of a quaternion x, y, z, w."""
     x, y, z, w = q / np.linalg.norm(q)
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -48,13 +48,13 @@ def matrix_of(q):
 
 
 def refuse(text):
-    """Ends with the exit code that all programs have for what cannot be used."""
+    """Ends with the exit code that all programs use for unusable input."""
     print(f'evaluate: {text}', file=sys.stderr)
     sys.exit(2)
 
 
 def transforms_of(bag):
-    """Those on /tf, in their order."""
+    """The transforms on /tf, in their order."""
     import rosbag
     try:
         with rosbag.Bag(bag) as recording:
@@ -69,7 +69,7 @@ def transforms_of(bag):
 
 
 class Truth:
-    """Poses of the base at any time."""
+    """The true pose of the base at any time."""
 
     def __init__(self, bag, ground, base):
         rows = []
@@ -84,7 +84,7 @@ class Truth:
         self.times, self.positions, self.quaternions = rows[:, 0], rows[:, 1:4], rows[:, 4:8]
 
     def at(self, time):
-        """Position and axes, or None where the truth has a gap."""
+        """Position and axes of the base, or None if the truth has a gap at this time."""
         near = np.flatnonzero(np.abs(self.times - time) <= WINDOW)
         if len(near) < 4 or self.times[near[0]] > time or self.times[near[-1]] < time:
             return None
@@ -96,7 +96,7 @@ class Truth:
 
 
 def twist_of(before, now, seconds):
-    """The constant velocity, in the moving axes, between two poses: the logarithm of SE(3)."""
+    """The constant velocity, in the moving axes, that leads from one pose to the other: the logarithm of SE(3)."""
     turn = vector_of(before[1].T @ now[1])
     way = before[1].T @ (now[0] - before[0])
     angle = np.linalg.norm(turn)
@@ -106,7 +106,7 @@ def twist_of(before, now, seconds):
 
 
 def covariance_of(row, names):
-    """The covariance of some columns of the table."""
+    """The covariance matrix in the columns of a table."""
     matrix = np.zeros((len(names), len(names)))
     for i, a in enumerate(names):
         matrix[i, i] = float(row['dev_' + a]) ** 2
@@ -120,7 +120,7 @@ def yaw_of(axes):
 
 
 def drift(track, seconds):
-    """Median error of the position after a time, as a share of the way; None where there is none."""
+    """Median error of the position after a time, as a share of the way; None if it cannot be measured."""
     shares = []
     step = max(1, len(track) // 200)
     for i in range(0, len(track), step):
@@ -136,7 +136,7 @@ def drift(track, seconds):
 
 
 def measure(table, truth, above, windows):
-    """A row of the report: of the frames in which the base is `above` metres above its lowest place."""
+    """A row of the report, for the frames in which the base is at least `above` metres above its lowest position."""
     lowest = truth.positions[:, 2].min()
     frames = 0
     errors, squares, speeds, track = [], [], [], []

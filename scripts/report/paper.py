@@ -1,4 +1,4 @@
-"""The paper's figures, beside ours."""
+"""The paper's tables and figures, beside our results."""
 
 PAIRS = ["1-2", "1-3", "1-4", "1-5", "1-6"]
 SETS = ["leuven", "bikes"]
@@ -26,7 +26,7 @@ HEADLINE = 29.92  # per cent less "error" than ORB
 
 
 class Measured:
-    """Rows of ktgp_evaluate by set, pair and method."""
+    """The rows of ktgp_evaluate by set, pair and method."""
 
     def __init__(self, results):
         self.rows = {(r["set"].lower(), r["pair"], r["method"]): r for r in results}
@@ -36,7 +36,7 @@ class Measured:
         return all((name, pair, method) in self.rows for name in SETS for pair in PAIRS)
 
     def values(self, name, method, key):
-        """One value per pair; a pair without matches has none."""
+        """The values of the pairs; pairs without matches have none and are left out."""
         values = [self.rows[(name, pair, method)][key] for pair in PAIRS]
         return [v for v in values if v is not None]
 
@@ -50,7 +50,7 @@ def change(ours, paper):
 
 
 def table_1(measured):
-    """NM of KTGP."""
+    """Table 1: the number of matches (NM) of KTGP."""
     rows = []
     for i, pair in enumerate(PAIRS):
         row = [pair]
@@ -62,7 +62,7 @@ def table_1(measured):
 
 
 def table_3(measured, name):
-    """NM of each stage."""
+    """Table 3: the number of matches (NM) of each stage."""
     header = ["pair"] + [f"{m} {c}" for m in MODELS for c in ("paper", "ours", "difference")]
     rows = []
     ours = {m: measured.values(name, m, "matches") for m in MODELS}
@@ -93,7 +93,7 @@ def distance_table(measured, which):
 
 
 def table_6(measured):
-    """ORB against KTGP."""
+    """Table 6: ORB compared with KTGP."""
     header = ["metric", "set", "ORB paper", "ORB ours", "KTGP paper", "KTGP ours"]
     rows = []
     for name in SETS:

@@ -21,7 +21,7 @@ def _svg(figure):
 
 
 def lines(x, series, x_label, y_label, marks=(), size=(5.6, 3.0)):
-    """`series`: name -> values; `marks`: x positions of dashed vertical lines with a label."""
+    """A plot of lines. `series`: name -> values. `marks`: x positions of dashed vertical lines with a label."""
     figure, axes = plt.subplots(figsize=size)
     for name, values in series.items():
         axes.plot(x, values, marker="o" if len(x) < 30 else None, markersize=3, linewidth=1.2,
@@ -37,7 +37,7 @@ def lines(x, series, x_label, y_label, marks=(), size=(5.6, 3.0)):
 
 
 def bars(groups, series, y_label, size=(5.2, 3.2)):
-    """`series`: name -> one value per group, None where there is none."""
+    """A bar chart. `series`: name -> one value for each group, or None."""
     figure, axes = plt.subplots(figsize=size)
     width = 0.8 / len(series)
     for i, (name, values) in enumerate(series.items()):
@@ -73,14 +73,14 @@ def _write_names(axes, points):
 
 
 def trade_off(points, x_label, y_label, size=(6.4, 4.0)):
-    """`points`: name -> (x, y), each with its name beside it; x on a logarithmic scale."""
+    """A plot of points with their names. `points`: name -> (x, y). The x axis is logarithmic."""
     figure, axes = plt.subplots(figsize=size)
     for name, (x, y) in points.items():
         final = name in OURS
         axes.plot(x, y, "o", markersize=5, color="tab:red" if final else "tab:blue")
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.xaxis.set_minor_formatter(  # more labels would run into one another
+    axes.xaxis.set_minor_formatter(  # more labels would overlap
         lambda value, _: f"{value:g}" if f"{value:e}"[0] in "25" else "")
     _write_names(axes, points)
     axes.set_xlabel(x_label)

@@ -5,9 +5,9 @@ import plots
 
 
 def add_sequence(document, measured):
-    """`measured`: what ktgp_evaluate_bag writes."""
+    """Adds the part. `measured`: the results that ktgp_evaluate_bag writes."""
     sequence = measured["sequence"]
-    frames = sequence["frames"][1:]  # the first has no reference
+    frames = sequence["frames"][1:]  # the first frame has no reference
     document.heading(f"Sequence {pathlib.Path(measured['bag']).name}, {measured['topic']}")
     if not frames:
         document.text("It has fewer than two images.")

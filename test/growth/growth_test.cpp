@@ -53,7 +53,7 @@ GrowthResult grow(const FramePair& pair, const GrowthOptions& options = {}) {
   return result;
 }
 
-TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
+TEST(Growth, FindsAHomographyOfTwoPercentOfTheKeypoints) {
   int found = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const GrowthResult result = grow(drawnPair(2000, 40, tilted(), seed));
@@ -68,7 +68,7 @@ TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
   EXPECT_GE(found, 18);
 }
 
-TEST(Growth, FindsNothingWhereThereIsNothing) {
+TEST(Growth, FindsNoHomographyOfUnrelatedKeypoints) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     const GrowthResult result = grow(drawnPair(1000, 0, tilted(), seed));
     EXPECT_FALSE(result.found) << seed;
@@ -162,7 +162,7 @@ TEST(Growth, TakesKeypointsWithoutPlaceOrSizeAndFramesWithout) {
   EXPECT_FALSE(grow(pair).found);
 }
 
-TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
+TEST(Growth, TheMatcherUsesItIfProsacFindsNothing) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   MatcherOptions options = MatcherOptions::robust();
   options.alignment.enabled = false;
@@ -194,7 +194,7 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   }
 }
 
-TEST(Growth, LeavesNothingForTheNextPair) {
+TEST(Growth, KeepsNoMatchesForTheNextPair) {
   MatcherOptions options = MatcherOptions::robust();
   options.guided.enabled = options.alignment.enabled = false;
   options.prosac.max_iterations = 20;
@@ -231,7 +231,7 @@ FramePair doubtfulPair(bool with_directions) {
   return pair;
 }
 
-TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
+TEST(Growth, JudgesProsacsHomographyIfFewMatchesAgree) {
   MatcherOptions options = MatcherOptions::robust();
   options.alignment.enabled = false;
   for (const bool with_directions : {false, true}) {
@@ -300,7 +300,7 @@ TEST(Growth, AnswerDoesNotDependOnOtherCalls) {
   }
 }
 
-TEST(Growth, OnlyPresetRobustHasIt) {
+TEST(Growth, OnlyTheRobustOptionsEnableIt) {
   EXPECT_FALSE(MatcherOptions().growth.enabled);
   EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
   EXPECT_TRUE(MatcherOptions::robust().growth.enabled);
@@ -423,7 +423,7 @@ cv::Mat rose(std::uint64_t seed) {
 
 /// The turned window is no decoy: no shift of one answer is another one. Only the rule on rivals
 /// knows that neither is certainly right.
-TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
+TEST(Growth, GivesNoHomographyIfTwoAreEquallyGood) {
   const cv::Mat window = rose(11);
   const cv::Point2f middle(319.5F, 239.5F);
   cv::Mat shown;
@@ -628,7 +628,7 @@ Grown grownFrom(const Eigen::Vector2d& shift, std::size_t matched) {
   return grown;
 }
 
-TEST(GrowthRivals, ContradictWhereTheSameIsSeenElsewhere) {
+TEST(GrowthRivals, ContradictIfTheyMapTheSameKeypointsElsewhere) {
   const Grown grown = grownFrom({0.0, 0.0}, 40);
   std::vector<std::uint8_t> covered;
   const auto contradict = [&](const Grown& rival) {

@@ -50,7 +50,7 @@ bool sameOrientation(const FourPoints& x, const FourPoints& u, double min_area) 
   return true;
 }
 
-TEST(HomographySolver, MapsTheFourPointsOrSaysThatNoPlaneLooksLikeThat) {
+TEST(HomographySolver, MapsTheFourPointsOrRefusesAnImpossibleView) {
   Numbers numbers(1);
   int solved = 0;
   for (int run = 0; run < 20000; ++run) {
@@ -610,7 +610,7 @@ double ofRounded(double zoom) {
 
 // Where points move alike they are rounded alike; where they do not, that is noise which the errors
 // show.
-TEST(SmoothField, RoundingCountsAsFarAsItIsAlike) {
+TEST(SmoothField, CoversRoundingErrorsThatNeighboursShare) {
   for (const double zoom : {1.0005, 1.37}) {
     const double found = ofRounded(zoom);
     EXPECT_GT(found, 0.5) << zoom;
@@ -711,7 +711,7 @@ TEST(ProsacSearch, CountsEverySampleAndKeepsItsBudget) {
   }
 }
 
-TEST(ProsacSearch, StartsWhereItIsTold) {
+TEST(ProsacSearch, StartsFromTheGivenModel) {
   Numbers numbers(2);
   Search search;
   HomographyProblem problem;
@@ -780,7 +780,7 @@ TEST(ProsacSearch, AlsoSamplesFromTheInliersAndCountsThat) {
   EXPECT_GE(problem.right, 20) << "one in 300 of all samples";
 }
 
-TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
+TEST(ProsacSearch, DrawsAtLeastMinIterations) {
   Mean problem;
   problem.values.assign(100, 0.0);
   estimation::ProsacSearch<Mean> search;
@@ -843,7 +843,7 @@ bool chanceExplains(std::vector<double> errors, double area) {
   return true;
 }
 
-TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
+TEST(HomographyVerdict, TrustFollowsTheFormulaForAnyOrderOfTheInliers) {
   Numbers numbers(5);
   HomographyVerdict verdict;
   ProsacResult labelled;

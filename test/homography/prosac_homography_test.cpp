@@ -181,7 +181,7 @@ TEST(ProsacHomography, AllocatesNothingOnceItsBuffersHaveGrown) {
   EXPECT_EQ(counter.count(), 0U);
 }
 
-TEST(ProsacHomography, SaysWhichRuleEndedItAndHowFarItCame) {
+TEST(ProsacHomography, ReportsTheStoppingRuleAndTheIterations) {
   Numbers numbers(6);
   Scene scene{300, 270};
   ProsacHomography prosac;

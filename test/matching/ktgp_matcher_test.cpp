@@ -88,7 +88,7 @@ TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
   }
 }
 
-TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
+TEST(KtgpMatcher, EqualsItsStagesInARow) {
   const Frames frames = makeFrames(600, 300, 1);
   MatcherOptions options;
   options.ratio_threshold = 0.95;  // keeps wrong matches for GMS and PROSAC

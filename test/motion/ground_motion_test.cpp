@@ -717,7 +717,7 @@ TEST(GroundMotion, NoiseBeyondItsDeviationIsNoContradictionAndASteadyErrorIs) {
   }
 }
 
-TEST(GroundMotion, AnOutlierDoesNotHideWhatContradictsAfterIt) {
+TEST(GroundMotion, AnOutlierDoesNotHideLaterContradictions) {
   Flight flight = Flight::noisy(downward(), 1e-4, 1, 0.05 * kDegree);
   for (int i = 0; i < 120; ++i) {
     const double factor = i == 100 ? 0.1 : i > 104 ? 0.85 : 1.0;
@@ -727,7 +727,7 @@ TEST(GroundMotion, AnOutlierDoesNotHideWhatContradictsAfterIt) {
   }
 }
 
-TEST(GroundMotion, TheTurnOfAFrameThatIsRefusedIsMissing) {
+TEST(GroundMotion, AfterARefusedFrameTheTurnIsIncomplete) {
   Flight flight(downward(), 3e-5);
   const auto next = [&](int i) {
     GroundFrame frame = flight.next();
@@ -1151,7 +1151,7 @@ class FlightOverALorry {
 
 // Where it covers less than half of the picture, velocities get less certain, and their covariance
 // says so. Where it covers more it is taken for the ground, until it has gone.
-TEST(GroundMotion, SomethingThatMovesInAPartOfThePicture) {
+TEST(GroundMotion, MovingObjectMakesVelocitiesLessCertain) {
   for (const double covered : {0.3, 0.45, 0.6}) {
     FlightOverALorry lorry(covered);
     GroundMotion ground(optionsWith(downward()));

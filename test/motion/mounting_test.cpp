@@ -474,7 +474,7 @@ TEST(TwistNoise, NoiseIsBoundedByCovarianceAndNotReducedByRoughMotion) {
   }
 }
 
-TEST(TwistNoise, OneOutlierCountsAsMuchAsItMay) {
+TEST(TwistNoise, OneOutlierHasABoundedEffect) {
   Twists twists(5);
   twists.shares.setConstant(0.1);
   TwistNoise noise = learned(twists, 600);
@@ -483,7 +483,7 @@ TEST(TwistNoise, OneOutlierCountsAsMuchAsItMay) {
   EXPECT_LT(noise.scaled(twists.covariance)(3, 3), 0.5 * twists.covariance(3, 3));
 }
 
-TEST(TwistNoise, TheFirstTwistOfAKeyframeHasAllOfIt) {
+TEST(TwistNoise, TheFirstTwistOfAKeyframeHasTheWholeCovariance) {
   Twists twists(6);
   twists.shares.setConstant(0.1);
   TwistNoise noise = learned(twists, 600);

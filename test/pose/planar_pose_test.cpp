@@ -97,7 +97,7 @@ TEST(PlanarPose, TrueHomographyGivesTruePose) {
   }
 }
 
-TEST(PlanarPose, CovarianceIsWhatHappens) {
+TEST(PlanarPose, CovarianceMatchesErrors) {
   std::mt19937 random(2);
   const Eigen::Isometry3d truth = somePose();
   const Covariance8 covariance = covarianceOf(truth, 0.5, random);
@@ -303,7 +303,7 @@ cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed
                          static_cast<std::uint64_t>(seed));
 }
 
-TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
+TEST(PlanarPose, CovarianceMatchesErrorsInRenderings) {
   constexpr int kPoses = 60;
   cv::Mat picture;
   cv::GaussianBlur(test::textureImage(kImage * static_cast<int>(kFiner), 3), picture, cv::Size(),

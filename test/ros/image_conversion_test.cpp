@@ -182,7 +182,7 @@ TEST(Encodings, EachIsTakenOrRefused) {
   }
 }
 
-TEST(Encodings, TakenOnesBecomeTheirGrey) {
+TEST(Encodings, AcceptedOnesBecomeGrey) {
   for (const auto& [name, expected] : taken()) {
     for (int padding : {0, 6}) {
       const auto message = messageOf(name, expected.pixels, padding);
@@ -386,7 +386,7 @@ sensor_msgs::CompressedImage compressed(const std::string& ending, const cv::Mat
 }
 
 // OpenCV decodes half a JPEG with grey in place of the rest.
-TEST(CompressedImages, HalfOfOneIsRefusedAsAFileIs) {
+TEST(CompressedImages, TruncatedOnesAreRefusedLikeFiles) {
   for (const char* ending : {".jpg", ".png"}) {
     sensor_msgs::CompressedImage message = compressed(ending, grey());
     EXPECT_NO_THROW(decodedImage(message));
@@ -443,7 +443,7 @@ TEST(CompressedImages, LostDataAreNoticedAlthoughTheEndIsThere) {
   }
 }
 
-TEST(CompressedImages, GreyOnesAreWhole) {
+TEST(CompressedImages, UniformGreyIsNotTakenForMissingData) {
   for (const int interval : {0, 5}) {
     for (const cv::Size size : {cv::Size(64, 48), cv::Size(67, 49), cv::Size(3, 2)}) {
       for (const int type : {CV_8UC1, CV_8UC3}) {

@@ -98,7 +98,7 @@ class LazyTest(unittest.TestCase):
         client.update_configuration({'lazy': True})
         self.camera.wait_for_no_subscriber()
 
-    def test_the_last_to_go_takes_the_reference_along(self):
+    def test_the_last_subscriber_to_leave_ends_the_reference(self):
         recorder = subscribe('statistics')
         self.camera.wait_for_subscriber()
         recorder.wait_for(self.camera.send_view())

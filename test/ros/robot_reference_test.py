@@ -304,7 +304,7 @@ class ReferenceTest(MatcherCase):
         easy = super().send(HARD[0])
         self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
 
-    def test_growth_is_not_without_the_parameter_and_never_for_the_frame_before(self):
+    def test_growth_needs_the_parameter_and_is_never_used_for_the_previous_frame(self):
         for parameters in ({'reference_mode': 'fixed', 'growth': False}, {'reference_mode': 'previous'}):
             self.start_robust(**parameters)
             super().send(HARD[0])

@@ -216,7 +216,7 @@ TEST(SequenceMatcher, RefusesFeaturesOfAnotherDescriptor) {
   EXPECT_THROW(matcher.match(teblid, 0.1), std::invalid_argument);
 }
 
-TEST(SequenceMatcher, DoesAsTheStagesDoWithoutIt) {
+TEST(SequenceMatcher, EqualsTheStagesCalledByHand) {
   const SequenceOptions options = sequenceOf(ReferenceMode::previous);
   OrbExtractor extractor(options.orb);
   KtgpMatcher ktgp(options.matcher);
@@ -515,7 +515,7 @@ TEST(SequenceMatcher, LetsGoOfImagesThatItNeedsNoMore) {
   EXPECT_TRUE(sources[9].expired());
 }
 
-TEST(SequenceMatcher, RefusesWhatCannotBeMeant) {
+TEST(SequenceMatcher, RefusesInvalidTimesImagesAndFeatures) {
   SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
   matcher.match(view(0), 1.0);
   EXPECT_THROW(matcher.match(view(1), std::nan("")), std::invalid_argument);
@@ -688,7 +688,7 @@ TEST(SequenceSearch, CountsTheTimeBetweenFrames) {
   }
 }
 
-TEST(SequenceSearch, FallsBackToWhatTheWholeSearchGives) {
+TEST(SequenceSearch, FallBackEqualsTheWholeSearch) {
   SequenceMatcher near(searching(kRadius));
   SequenceMatcher whole(searching(0.0));
   const int places[] = {0, 5, 10, 110, 115, 300, 240, 245};  // jumps
@@ -707,7 +707,7 @@ TEST(SequenceSearch, FallsBackToWhatTheWholeSearchGives) {
   EXPECT_EQ(near.match(test::viewAt(250, 0), 0.8).fall_backs, fall_backs);
 }
 
-TEST(SequenceSearch, LooksForTheSceneThatAKeyframeAndAFixedFrameShow) {
+TEST(SequenceSearch, SearchesNearForKeyframesAndFixedFrames) {
   for (const ReferenceMode mode : {ReferenceMode::keyframe, ReferenceMode::fixed}) {
     SequenceMatcher matcher(searching(kRadius, mode));
     if (mode == ReferenceMode::fixed) matcher.fixNextFrame();

@@ -10,7 +10,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 class Help(unittest.TestCase):
-    def test_every_script_has_it(self):
+    def test_every_script_has_help(self):
         scripts = [path for folder in ("scripts", "dev", "examples/fleet") for path in (ROOT / folder).iterdir()
                    if path.is_file() and os.access(path, os.X_OK)]
         self.assertGreater(len(scripts), 20)

@@ -501,9 +501,9 @@ TEST(TwoView, NamesBothMotionsOfAPlane) {
   EXPECT_GE(named, planes * 99 / 100) << "the covariance spans both motions";
 }
 
-class NotCertain : public testing::TestWithParam<double> {};
+class NearPlane : public testing::TestWithParam<double> {};
 
-TEST_P(NotCertain, WhereTheMotionIsWrong) {
+TEST_P(NearPlane, WrongMotionsHaveALargeCovariance) {
   Numbers numbers(32);
   TwoViewEstimator estimator;
   TwoView result;
@@ -522,11 +522,11 @@ TEST_P(NotCertain, WhereTheMotionIsWrong) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(SharesOffThePlane, NotCertain, testing::Values(0.0, 0.02, 0.05, 0.1));
+INSTANTIATE_TEST_SUITE_P(SharesOffThePlane, NearPlane, testing::Values(0.0, 0.02, 0.05, 0.1));
 
 /// A camera that moved by thousandths of the distance only seems to turn: errors of 0.1 px may be
 /// parallax.
-TEST(TwoView, ATurnCarriesWhatAParallaxCouldChange) {
+TEST(TwoView, CovarianceOfATurnIncludesAnUnseenParallax) {
   Numbers numbers(33);
   TwoViewEstimator estimator;
   TwoView result;
@@ -613,7 +613,7 @@ double sampsonDistance(const Eigen::Matrix3d& f, const Eigen::Vector2d& x,
          std::hypot(line.head<2>().norm(), back.head<2>().norm());
 }
 
-TEST(TwoView, ItsFiguresAreThoseOfTheScene) {
+TEST(TwoView, ParallaxRmseAndScaleAreThoseOfTheScene) {
   Numbers numbers(30);
   TwoViewEstimator estimator;
   TwoView result;
@@ -748,7 +748,7 @@ TEST(TwoView, ItsPointsAreAsUncertainAsTheirErrors) {
   EXPECT_LT(sum / static_cast<double>(count), 3.6) << "normalised squared error of three numbers";
 }
 
-TEST(TwoView, RefusesAKThatIsNotOne) {
+TEST(TwoView, RefusesAnInvalidK) {
   Numbers numbers(26);
   const World world(Shape::depth, numbers);
   using test::cameraMatrix;

@@ -265,7 +265,7 @@ OrbOptions sharingImages() {
   return options;
 }
 
-TEST(OrbImages, DoNotComeWhereNotWanted) {
+TEST(OrbImages, AreMissingUnlessWanted) {
   Features features;
   OrbExtractor(sharingImages()).extract(test::textureImage(cv::Size(320, 240), 1), features);
   EXPECT_FALSE(features.images.empty());
@@ -334,7 +334,7 @@ TEST(OrbImages, StayAsTheyAreWhileTheExtractorGoesOn) {
   }
 }
 
-TEST(OrbImages, MoveNoMoreOnceTwoFramesHaveTheirs) {
+TEST(OrbImages, KeepTheirMemoryAfterTwoFrames) {
   const cv::Mat images[] = {test::textureImage(cv::Size(320, 240), 6),
                             test::textureImage(cv::Size(320, 240), 7)};
   OrbExtractor extractor(sharingImages());

@@ -207,7 +207,7 @@ TEST_P(Estimators, SurvivePointsThatAreAllTheSame) {
 INSTANTIATE_TEST_SUITE_P(All, Estimators, ::testing::ValuesIn(estimators()),
                          [](const auto& info) { return info.param; });
 
-TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
+TEST(Methods, HaveUniqueAndExpectedNames) {
   std::set<std::string> names;
   for (const Method& method : allMethods({})) EXPECT_TRUE(names.insert(method.name).second);
   for (const char* name :
