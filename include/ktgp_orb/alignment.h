@@ -27,13 +27,13 @@ enum class AlignmentStatus : std::uint8_t {
   not_better = 4,      ///< the keypoints determine the homography better than the aligned points
 };
 
-/// The enumerator's own name, e.g. "too_few_points".
+/// Returns the enumerator's name, e.g. "too_few_points".
 const char* toString(AlignmentStatus status);
 
-/// A point of the reference, and the position in the target that alignment found for it, both in
-/// px. The point is at most one pixel of the pyramid level away from its keypoint.
+/// A point of the reference near a keypoint, and the position that alignment found for it in the
+/// target, both in px. The point is at most one pixel of its pyramid level away from the keypoint.
 struct AlignedPoint {
-  std::size_t match = 0;              ///< index of the correspondence in the given list
+  std::size_t match = 0;              ///< index of the correspondence in `matches` of align()
   std::int32_t reference_index = -1;  ///< index of the reference keypoint of the correspondence
   std::int32_t target_index = -1;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
@@ -54,11 +54,13 @@ struct AlignmentResult {
   /// Number of patches with too little texture, in one direction or both.
   std::size_t textureless = 0;
   std::size_t unsettled = 0;  ///< number of points at which the iteration did not converge
-  /// Number of patches that moved by more than 4 px of their pyramid level.
+  /// Number of patches that moved away from the predicted position by more than 4 px of their
+  /// pyramid level.
   std::size_t beyond_reach = 0;
   std::size_t uncorrelated = 0;  ///< number of patches that look different at the new position
-  /// Root mean square distance over `points` between the aligned position and the position that the
-  /// homography predicts, px. `rmse_before` is for the given homography, `rmse_after` for `answer`.
+  /// Root mean square, over `points`, of the distance between the aligned position and the position
+  /// that a homography predicts, px: the given homography for `rmse_before`, and `answer` for
+  /// `rmse_after`.
   double rmse_before = 0.0;
   double rmse_after = 0.0;
 };
@@ -67,25 +69,27 @@ struct AlignmentResult {
 /// them can be registered to a few hundredths of a pixel.
 ///
 /// Aligns up to AlignmentOptions::points correspondences, spread over the image, one by one. The
-/// patch of 16x16 px around the reference keypoint is warped by the local affine part of H.
-/// Inverse-compositional least squares over a translation (Baker & Matthews, IJCV 2004) find the
-/// patch in the target; its brightness may differ by a gain and a bias. If H changes the scale by a
-/// factor of more than 1.5, the image that shows the scene smaller is compared with the pyramid
-/// level of the other image that is nearest in scale. Then H is estimated from the aligned points
-/// by maximum likelihood, which assumes that the scale of the errors is at least a pixel (a third
-/// of `max_error`). No scene is exactly a plane, and with a smaller scale the fit would follow the
-/// part of the scene with the most points. The answer is the aligned H, unless the homography from
-/// the keypoints has a smaller uncertainty at the corners of the image.
+/// patch of 16x16 px around the reference keypoint is warped by the affine map that approximates H
+/// at this keypoint. Inverse-compositional least squares (Baker & Matthews, IJCV 2004) find the
+/// translation that brings the patch onto the target; the brightness may differ by a gain and a
+/// bias. If H changes the scale by a factor of more than 1.5, the image that shows the scene
+/// smaller is compared with the pyramid level of the other image that is nearest in scale. Then H
+/// is estimated from the aligned points by maximum likelihood. The fit assumes that the errors have
+/// a scale of at least a pixel (a third of `max_error`), because no scene is exactly a plane: with
+/// a smaller scale, the fit would follow the part of the scene with the most points. The answer is
+/// the aligned H, unless the homography from the keypoints has a smaller uncertainty at the corners
+/// of the image.
 ///
 /// The answer is the same for every instruction set.
 ///
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// An instance belongs to one thread at a time; several instances may work in parallel.
 class Alignment {
  public:
   /// `max_error`: inlier threshold of the homography, px, > 0 (see ProsacOptions). The fit uses the
   /// aligned points within twice `max_error`, and assumes a scale of their errors of at least a
   /// third of `max_error`. Both limits are for images of 640x480 px and grow in proportion to the
-  /// diagonal of the reference image. Throws std::invalid_argument naming the option and its range.
+  /// diagonal of the reference image. Throws std::invalid_argument, naming the option and its
+  /// range, if an option is out of range.
   explicit Alignment(const AlignmentOptions& options = {},
                      double max_error = ProsacOptions().max_error);
   ~Alignment();

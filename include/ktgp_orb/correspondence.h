@@ -6,13 +6,13 @@
 
 namespace ktgp_orb {
 
-/// The last stage of KNN -> TF -> GMS -> PROSAC that a correspondence passed. The levels are
-/// ordered: a match of Level::ktg has also passed KNN and TF. So the matches that the paper calls
-/// KT have level >= Level::kt.
+/// The last stage of KNN -> TF -> GMS -> PROSAC that a correspondence passed. A match of Level::ktg
+/// has also passed KNN and TF, so the matches that the paper calls KT are all those with level >=
+/// Level::kt.
 enum class Level : std::uint8_t {
-  knn = 0,   ///< nearest neighbour, removed by the ratio filter
-  kt = 1,    ///< passed KNN + TF, removed by GMS
-  ktg = 2,   ///< passed KNN + TF + GMS, removed by PROSAC
+  knn = 0,   ///< nearest neighbour; removed by the ratio filter (TF)
+  kt = 1,    ///< passed KNN + TF; removed by GMS
+  ktg = 2,   ///< passed KNN + TF + GMS; removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
   /// Inlier of the homography, found by guided matching or growth near the position that the
   /// homography predicts. These matches are in a separate list and do not count in the four stages.
@@ -29,14 +29,14 @@ struct Correspondence {
   /// Hamming distance d2 to the second nearest descriptor, d1..256.
   std::int32_t second_distance = 0;
   Level level = Level::knn;
-  /// Whether the target descriptor is also the nearest to the reference descriptor. It is computed
-  /// only if MatcherOptions::mutual is on, or if growth is on and the whole image is searched;
-  /// otherwise it is false.
+  /// True if the match also holds in the other direction: of all target descriptors, this one is
+  /// the nearest to the reference descriptor. Computed only if MatcherOptions::mutual is on, or if
+  /// growth is on and the whole image is searched; otherwise it is false.
   bool mutual = false;
 
-  /// W = d1/d2 (Eq. 3), which is also PROSAC's quality (Eq. 6, smaller is better). W is 1 if two
-  /// candidates are identical (d2 = 0): the match is ambiguous, and no threshold T_w <= 1 accepts
-  /// it.
+  /// W = d1/d2 (Eq. 3), which is also PROSAC's quality (Eq. 6, smaller is better). If the two
+  /// nearest descriptors are both identical to the target's (d2 = 0), the match is ambiguous, and W
+  /// is 1, which no threshold T_w <= 1 accepts.
   double ratio() const;
 };
 

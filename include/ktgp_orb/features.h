@@ -17,11 +17,11 @@ enum class DescriptorKind : std::uint8_t {
   teblid,  ///< TEBLID-256: pairs of box means (Suarez, Buenaposada & Baumela, RA-L 2021)
 };
 
-/// "orb" or "teblid".
+/// Returns "orb" or "teblid".
 const char* toString(DescriptorKind kind);
 
-/// Keypoints of an image, their descriptors, and the image size, which GMS and the checks of the
-/// homography need.
+/// Keypoints of an image and their descriptors, and the size of the image, because GMS and the
+/// checks of the homography need it.
 struct Features {
   /// Keypoints, with positions in pixels: x right, y down, origin at the centre of the top-left
   /// pixel.
@@ -33,7 +33,7 @@ struct Features {
   /// The 8-bit grey image and the smaller levels of ORB's image pyramid. Only alignment needs them;
   /// see OrbOptions::images.
   std::vector<cv::Mat> images;
-  /// Kind of the descriptors.
+  /// What the bits of `descriptors` mean.
   DescriptorKind descriptor = DescriptorKind::orb;
 
   std::size_t size() const { return keypoints.size(); }

@@ -8,14 +8,15 @@
 
 namespace ktgp_orb {
 
-/// Stores how the newest frames of a camera map onto each other. The input is the homography that
-/// relates each frame to its reference, which is the previous frame, a keyframe, or a fixed frame.
+/// Stores how the newest frames of a camera map onto each other. It is built from the homography
+/// between each frame and its reference, which may be the previous frame, a keyframe, or a fixed
+/// frame.
 ///
 /// All homographies are relative to the newest frame, so that their entries do not grow during a
 /// long flight. An instance belongs to one thread at a time.
 class FramePath {
  public:
-  /// Stores the newest `length` frames, >= 1, and the reference of the newest frame.
+  /// Keeps the newest `length` frames (at least one) and the reference of the newest frame.
   explicit FramePath(std::size_t length);
 
   /// Appends a frame. `homography`: reference -> frame, px; empty if none was found. Returns true

@@ -20,17 +20,18 @@ struct GmsOptions {
   bool scale = false;     ///< also try reference grids scaled by 1/2, 1/sqrt 2, sqrt 2 and 2
   /// Number of cells across the target image, 1..200. If 0, the number is chosen between 5 and 20
   /// so that a cell has 2.5 matches on average, which is the average for 1000 matches on the
-  /// paper's grid. On a finer grid, a few matches would have no neighbours.
+  /// paper's grid. If there are few matches, a finer grid would leave them without neighbours.
   int grid_columns = 20;
   /// Number of cells down the target image; 0 means the same as for the columns.
   int grid_rows = 20;
 };
 
-/// Counts of the filter's decisions, for the winning rotation and scale. Every correspondence that
-/// takes part is counted in exactly one of the four counts.
+/// How many matches were kept or removed, and why, for the winning rotation and scale. Every match
+/// of Level::kt is counted in exactly one of the four counts.
 struct GmsResult {
   std::size_t kept = 0;
-  /// Number of matches with a keypoint that is in no cell, because it is on or beyond a border.
+  /// Number of matches with a keypoint on or beyond the border of the grid, where there are no
+  /// cells.
   std::size_t outside_grid = 0;
   /// Number of matches that do not belong to the best pair of their target cell in any of the four
   /// grids.
@@ -59,13 +60,14 @@ struct GmsResult {
 /// such keypoints belong to no cell.
 ///
 /// The matches are sorted by their pair of cells. The time therefore grows with the number of
-/// matches and of occupied cells. In addition, there is a short pass over the cells of the target
-/// grid for each of its four copies and each scale. Buffers are reused from call to call.
+/// matches and the number of cells that contain matches. In addition, there is a short pass over
+/// the cells of the target grid for each of its four copies and each scale. Buffers are reused from
+/// call to call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class GmsFilter {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit GmsFilter(const GmsOptions& options = {});
   ~GmsFilter();
   GmsFilter(GmsFilter&&) noexcept;
@@ -74,10 +76,10 @@ class GmsFilter {
   const GmsOptions& options() const;
 
   /// Raises a match from Level::kt to Level::ktg if motion statistics support it. If the filter is
-  /// off, all matches of Level::kt are raised to Level::ktg. Matches of other levels do not take
-  /// part. The target image is what the GMS paper calls the left image. Throws
-  /// std::invalid_argument, before any change, if a frame with keypoints has an empty image size,
-  /// or if a match has an index that its frame does not have.
+  /// off, all matches of Level::kt are raised to Level::ktg. Matches of other levels are ignored.
+  /// The target image is what the GMS paper calls the left image. Throws std::invalid_argument,
+  /// before any change, if a frame with keypoints has an empty image size, or if a match has an
+  /// index that its frame does not have.
   GmsResult filter(const Features& reference, const Features& target,
                    std::vector<Correspondence>& correspondences);
 

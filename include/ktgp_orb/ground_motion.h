@@ -18,7 +18,8 @@ struct HeightReading {
   double metres = 0.0;  ///< > 0
   /// Standard deviation, m, >= 0; the errors of different readings are independent.
   double deviation = 0.0;
-  /// Age at the time of the image, s; the vertical velocity is used to correct for it.
+  /// How old the reading is at the time of the image, s. GroundMotion corrects for it with the
+  /// vertical velocity.
   double age = 0.0;
   /// For a range sensor: origin and direction (length 1) of its beam in the camera's frame. If the
   /// direction is zero, `metres` is the distance of the camera from the ground.
@@ -31,21 +32,22 @@ struct DownReading {
   /// Direction in the camera's frame, length 1.
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  bool of_imu = false;  ///< measured by an Imu, whose mounting is estimated in GroundEstimate::imu
-  double age = 0.0;     ///< age at the time of the image, s; used only for GroundEstimate::imu
+  bool of_imu = false;     ///< measured by an Imu; GroundEstimate::imu estimates its mounting
+  double age = 0.0;        ///< age at the time of the image, s; used only for GroundEstimate::imu
 };
 
 /// A measurement of the rotation since the previous frame, for example by a gyroscope.
 struct TurnReading {
-  /// Camera frame now -> camera frame at the previous frame.
+  /// Rotation from the camera's frame now to the camera's frame at the previous image.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  /// Time by which the measured interval is earlier than the interval between the frames, s; used
+  /// How much earlier the measured interval is than the interval between the two images, s; used
   /// only for GroundEstimate::imu.
   double age = 0.0;
 };
 
-/// Says what is wrong with a reading and what to do about it; empty if the reading is usable.
+/// Returns a text that says what is wrong with a reading and what to do about it; empty if the
+/// reading is usable.
 std::string whyUnusable(const HeightReading& reading);
 std::string whyUnusable(const DownReading& reading);
 std::string whyUnusable(const TurnReading& reading);
@@ -54,7 +56,8 @@ std::string whyUnusable(const TurnReading& reading);
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
   std::int64_t reference_stamp = 0;  ///< stamp of the reference frame of the homography
-  /// Homography reference -> this frame, px without lens distortion; empty if none was found.
+  /// Homography reference -> this frame, in px of images without lens distortion; empty if none was
+  /// found.
   std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
   cv::Size size;  ///< size of the image, px; if empty, a global shutter is assumed
@@ -68,16 +71,16 @@ struct GroundMotionOptions {
   /// vehicle's base frame.
   Pose3 camera_to_base = Pose3::Identity();
   /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
-  /// means 1 m in 100 m. Since the slope may change, old readings of height and normal count less
-  /// after each keyframe.
+  /// means 1 m in 100 m. Since the slope may change, earlier readings of the height and the normal
+  /// count less with each new keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
   /// global shutter. Between -1 and 0: the last row is exposed first, as in pictures that the
   /// driver turns by 180 degrees. -1: not known. Unless the value is 0, GroundMotion estimates the
   /// time.
   double readout_time = -1.0;
-  /// Standard deviation of a constant relative error of all lengths, >= 0; for example, the error
-  /// of a height that was measured only once.
+  /// Standard deviation of a relative error that is the same for all lengths, >= 0; for example,
+  /// because the height was measured only once.
   double scale_deviation = 0.0;
   /// Standard deviation of the acceleration, m/s², >= 0. Determines how much the velocity may
   /// change from one measurement to the next, and how fast the uncertainty grows during a gap, when
@@ -85,8 +88,8 @@ struct GroundMotionOptions {
   /// angular acceleration, rad/s², >= 0; only used during a gap.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
-  /// Upper limit of the standard deviation of the normal, rad, > 0. While the deviation is larger,
-  /// no motion is reported.
+  /// Upper limit of the standard deviation of the ground's normal, rad, > 0. While the deviation is
+  /// larger, no motion is reported.
   double max_tilt_deviation = 0.1;
 };
 
@@ -100,7 +103,8 @@ enum class GroundStatus : std::uint8_t {
   no_homography = 3,  ///< no homography was found
   no_covariance = 4,  ///< the homography has no usable covariance, so it cannot be weighted
   no_height = 5,      ///< no height has been given yet
-  /// No normal has been given, and the motion does not determine the normal yet.
+  /// No normal of the ground has been given (DownReading), and the motion does not determine it
+  /// yet.
   no_normal = 6,
   contradiction = 7,  ///< the homography is not used, because it would mean a jump
   /// The stamp is older than the previous frame's stamp. A single frame with an older stamp is left
@@ -108,18 +112,18 @@ enum class GroundStatus : std::uint8_t {
   /// set, and the motion begins anew.
   stamp_went_back = 8,
   not_finite = 9,  ///< numbers became too large to compute with; the motion begins anew
-  /// The camera looks above the horizon: either many normals in a row say so, or a single normal
-  /// says so and no picture contradicts it.
+  /// The camera looks above the horizon. Either many DownReadings in a row say so, or a single
+  /// DownReading says so and the images do not contradict it.
   looks_away = 10,
 };
 
-/// The enumerator's own name, e.g. "no_height".
+/// Returns the enumerator's name, e.g. "no_height".
 const char* toString(GroundStatus status);
 
-/// Errors of the mounting, the stamps and the angular velocity of an Imu, estimated from the
-/// difference between its readings and the rotation that the pictures show. Deviations are standard
-/// deviations. If the motion does not determine a value, the value is 0 and its deviation is
-/// infinite.
+/// Errors of the mounting, the stamps and the angular velocity of an Imu. GroundMotion estimates
+/// them by comparing the Imu's readings with the rotation that the images show. Deviations are
+/// standard deviations. If the motion does not determine a value, the value is 0 and its deviation
+/// is infinite.
 struct ImuMounting {
   /// Rotation from the stated mounting of the Imu to the true mounting, as a rotation vector in the
   /// base frame, rad. Errors of more than 0.35 rad are not found.
@@ -137,9 +141,11 @@ struct ImuMounting {
   double scale_error_deviation = 0.0;
 };
 
-/// All errors that are known, as text, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms late".
+/// Returns all errors that are known as text, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms
+/// late".
 std::string describe(const ImuMounting& imu);
-/// The errors that are certain and large enough to matter, as text; empty if there are none.
+/// Returns the errors that are certain and large enough to matter, as text; empty if there are
+/// none.
 std::string troubleOf(const ImuMounting& imu);
 
 /// Position and velocity of the vehicle's base.
@@ -159,14 +165,14 @@ struct GroundEstimate {
   bool has_twist = false;  ///< see hasTwist()
 
   double height = 0.0;          ///< height of the camera above the ground, m
-  double tilt_deviation = 0.0;  ///< standard deviation of the normal about one axis, rad
-  double gap = 0.0;  ///< for status resumed: time without a connected frame before this frame, s
+  double tilt_deviation = 0.0;  ///< standard deviation of the ground's normal about one axis, rad
+  double gap = 0.0;  ///< for status resumed: how long no frame was connected before this frame, s
   /// Misfits, in standard deviations. The misfit of a reading is the difference between the reading
   /// and its prediction by the homography and the earlier readings. The misfit of the homography is
   /// the difference between the homography and its prediction by flat ground and the earlier
-  /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. The deviation
-  /// of a normal is the given deviation or, if larger, the scatter of the normals (at most ten
-  /// times the given deviation). If there is no reading, its misfit is 0.
+  /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. The misfit of
+  /// a DownReading is relative to its given deviation or, if larger, to the scatter of these
+  /// readings (at most ten times the given deviation). If there is no reading, its misfit is 0.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
@@ -174,48 +180,52 @@ struct GroundEstimate {
   static constexpr double kContradiction = 6.0;
   bool height_used = false;  ///< a height was given, and its misfit is within kContradiction
   bool down_used = false;
-  /// Ratio of the given turns to the turns that the pictures show. 1 is expected. -1 means that the
-  /// angular velocity has the wrong sign, and 57.3 means that it is in degrees. The value is 0
-  /// until the camera has turned enough.
+  /// Ratio of the rotations in the TurnReadings to the rotations that the images show. 1 is
+  /// expected. -1 means that the angular velocity has the wrong sign, and 57.3 means that it is in
+  /// degrees. The value is 0 until the camera has turned enough.
   double turn_ratio = 0.0;
   /// Readout time of a rolling shutter, estimated from the pictures, and its standard deviation, s.
   /// If the time is negative, the last row is exposed first.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
-  /// Errors of the Imu that gives turns or directions. They are only reported; no reading is
-  /// corrected. The estimate takes minutes; it is empty until the motion determines at least one of
-  /// the errors.
+  /// Errors of the Imu that gives TurnReadings or DownReadings. They are only reported; no reading
+  /// is corrected. It takes minutes to estimate them; empty until the motion determines at least
+  /// one of the errors.
   std::optional<ImuMounting> imu;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }
   bool hasTwist() const { return hasPose() && has_twist; }
 };
 
-/// Estimates from homographies the metric motion of a calibrated camera that looks at flat ground.
+/// For a calibrated camera that looks at flat ground: estimates its motion in metres from
+/// homographies.
 ///
 /// A keyframe serves as a map of the ground. It consists of the homography G, which maps the
 /// keyframe's image to metres on the ground, and of the covariance of G. The homography H from the
-/// keyframe to a frame then depends on the frame's pose: H ~ M(pose) G, which is R + t n'/d for the
-/// plane seen from the keyframe (Malis & Vargas 2007; Hartley & Zisserman 2004, ch. 13). The most
-/// likely pose is found by Gauss-Newton over the six parameters of the pose, together with the
-/// parameters of G and of the previous pose. H and the readings are weighted by their covariances.
-/// G keeps the scale and the tilt from the readings and passes them on to the next keyframe, so
-/// errors of single readings average out. If no normal is given, the motion determines the normal.
+/// keyframe to a frame then depends on the frame's pose: H ~ M(pose) G, where M maps metres on the
+/// ground to pixels of the frame. (In textbooks this is R + t n'/d, with the rotation R, the
+/// translation t, and the normal n and the distance d of the ground seen from the keyframe: Malis &
+/// Vargas 2007; Hartley & Zisserman 2004, ch. 13.) The most likely pose is found by Gauss-Newton
+/// over the six parameters of the pose, together with the parameters of G and of the previous pose.
+/// H and the readings are weighted by their covariances. G keeps the scale and the tilt from the
+/// readings and passes them on to the next keyframe, so errors of single readings average out. If
+/// there are no DownReadings, the motion determines the normal of the ground.
 ///
 /// More than half of the noise of H comes from the image of the keyframe and is common to all
-/// homographies from that keyframe. This part of the noise belongs to G.
+/// homographies from that keyframe. Therefore this part of the noise is counted as an error of G.
 ///
 /// An instance belongs to one thread at a time. After the first frames, no memory is allocated.
 class GroundMotion {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit GroundMotion(const GroundMotionOptions& options = {});
   ~GroundMotion();
   GroundMotion(GroundMotion&&) noexcept;
   GroundMotion& operator=(GroundMotion&&) noexcept;
 
   const GroundMotionOptions& options() const;
-  /// The new options apply from the next frame on. Throws like the constructor, without any change.
+  /// The new options apply from the next frame on. Throws like the constructor; in that case, the
+  /// old options stay.
   void setOptions(const GroundMotionOptions& options);
 
   /// Adds the next frame. The reference is the previous frame or the reference of the previous

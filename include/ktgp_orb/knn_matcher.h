@@ -16,22 +16,22 @@ constexpr int kUnrelatedDistance = 128;
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
   int threads = 1;  ///< number of threads that share the queries, 0..1024; 0 means all cores
-  /// Radius of the search in matchNear: largest distance of a keypoint from its predicted position,
-  /// px of the reference, 0..10000. If it is 0, KtgpMatcher searches the whole image, as in the
-  /// paper.
+  /// Radius for matchNear: largest distance of a reference keypoint from the predicted position, px
+  /// of the reference, 0..10000. If it is 0, KtgpMatcher searches the whole image, as in the paper.
   double search_radius = 0.0;
 };
 
-/// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
-/// Uses the best instruction set of the processor, chosen at run time. The result depends neither
-/// on the instruction set nor on the number of threads. Needs 66 bytes per reference descriptor,
-/// which are reused in the next call. The index of the reference is built again only if the
-/// descriptors (or, for matchNear, the positions) differ from the last call.
+/// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2). At
+/// run time, it chooses the best instruction set that the processor has. The result depends neither
+/// on the instruction set nor on the number of threads. It needs 66 bytes of memory per reference
+/// descriptor and reuses this memory in the next call. The index of the reference is built again
+/// only if the descriptors (or, for matchNear, the positions) differ from the last call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class KnnMatcher {
  public:
-  /// Starts the threads. Throws std::invalid_argument naming the option and its range.
+  /// Starts the threads. Throws std::invalid_argument, naming the option and its range, if an
+  /// option is out of range.
   explicit KnnMatcher(const KnnOptions& options = {});
   ~KnnMatcher();
   KnnMatcher(KnnMatcher&&) noexcept;
@@ -39,11 +39,12 @@ class KnnMatcher {
 
   const KnnOptions& options() const;
 
-  /// `reference`, `target`: matrices of M×32 and N×32 CV_8U, which need not be continuous. Throws
-  /// std::invalid_argument for other matrices. `correspondences` gets N entries in target order,
-  /// with Level::knn. If distances are equal, the lower reference index counts as nearest. With a
-  /// single reference descriptor there is no second neighbour; second_distance is then 0, so that
-  /// no match passes the ratio test. Without reference descriptors, `correspondences` is empty.
+  /// `reference` and `target`: CV_8U matrices with M and N rows of 32 columns; they need not be
+  /// continuous. Throws std::invalid_argument for other matrices. `correspondences` gets N entries
+  /// in target order, with Level::knn. If distances are equal, the lower reference index counts as
+  /// nearest. With a single reference descriptor there is no second neighbour; second_distance is
+  /// then 0, so that no match passes the ratio test. Without reference descriptors,
+  /// `correspondences` is empty.
   void match(const cv::Mat& reference, const cv::Mat& target,
              std::vector<Correspondence>& correspondences);
 
@@ -61,10 +62,11 @@ class KnnMatcher {
   ///
   /// The radius is exact: a reference keypoint at (x, y) is within the radius if (x - u)^2 + (y -
   /// v)^2 <= radius^2 in single precision; (u, v) is the target keypoint mapped by the inverse of
-  /// `prediction` in double precision, then rounded. If only one keypoint is within the radius,
-  /// second_distance is the mean distance of unrelated descriptors (kUnrelatedDistance), but at
-  /// least the first distance. If no keypoint is within the radius, reference_index is -1 and both
-  /// distances are 256. `mutual`: whether mutual nearest pairs within the radius are marked, too.
+  /// `prediction` in double precision, then rounded to single precision. If only one keypoint is
+  /// within the radius, second_distance is the mean distance of unrelated descriptors
+  /// (kUnrelatedDistance), but at least the first distance. If no keypoint is within the radius,
+  /// reference_index is -1 and both distances are 256. If `mutual` is true, mutual nearest pairs
+  /// within the radius are marked, too (see matchMutual).
   ///
   /// Throws std::invalid_argument for malformed features, for more than 4 194 304 keypoints in a
   /// frame, for a prediction that cannot be inverted, and if search_radius is 0.

@@ -31,11 +31,13 @@ enum class GeometryModel : std::uint8_t {
 /// Options of the four stages and of the stages that may follow.
 struct MatcherOptions {
   KnnOptions knn;
-  /// T_w, in (0, 1]. If empty, the default for the descriptors is used (see ratioThreshold).
+  /// Threshold T_w of the ratio filter, in (0, 1]. If empty, the default for the kind of
+  /// descriptors is used (see ratioThreshold).
   std::optional<double> ratio_threshold;
-  /// Whether TF also requires that the two features are nearest to each other; not in the paper.
+  /// If true, the ratio filter (TF) also requires that the two features are each other's nearest
+  /// neighbours; not in the paper.
   bool mutual = false;
-  GmsOptions gms;  ///< options of GMS; gms.threshold is T_G
+  GmsOptions gms;  ///< gms.threshold is the paper's T_G
   ProsacOptions prosac;
   GrowthOptions growth;
   GuidedOptions guided;
@@ -56,14 +58,14 @@ struct MatcherOptions {
 /// The stages, in the order in which MatchResult::stages lists them.
 enum class StageId : std::uint8_t { knn, tf, gms, prosac, growth, guided, align, two_view };
 
-/// The enumerator's own name, e.g. "two_view".
+/// Returns the enumerator's name, e.g. "two_view".
 const char* toString(StageId stage);
 
 /// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
 /// the next one.
 struct StageResult {
   StageId id = StageId::knn;
-  /// Number of target features for knn, of correspondences for the other stages.
+  /// For knn: number of target features. For the other stages: number of correspondences.
   std::size_t input = 0;
   /// Number of correspondences after the stage. For guided, this includes the added matches. For
   /// growth, it is the number of pairs that the homography was fitted to; for align, the number of
@@ -90,7 +92,7 @@ enum class FoundBy : std::uint8_t {
   two_view = 3,  ///< the two-view geometry (TwoViewMatcher)
 };
 
-/// The enumerator's own name, e.g. "prosac".
+/// Returns the enumerator's name, e.g. "prosac".
 const char* toString(FoundBy found_by);
 
 /// Prior knowledge about two frames.
@@ -101,39 +103,38 @@ struct MatchHints {
   /// only growth could judge it. In this case, match again with `whole_image`, as SequenceMatcher
   /// does.
   std::optional<Eigen::Matrix3d> prediction;
-  /// Whether the whole image is searched, even with a search radius and a prediction.
+  /// If true, the whole image is searched, even if there is a search radius and a prediction.
   bool whole_image = false;
-  /// Simulated views of the reference for the growth, or null.
+  /// Simulated views of the reference, in which growth searches, too; null if there are none.
   const ReferenceViews* views = nullptr;
-  /// K of images without distortion, px, for the two-view geometry. Leave K of the reference empty
-  /// if it is not known; then no motion is estimated. If K of the target is empty, the reference's
-  /// K is used; both images must then have the same size.
+  /// Camera matrices K of the images without lens distortion, px, for the two-view geometry. Leave
+  /// the reference's K empty if it is not known; then no motion is estimated. If the target's K is
+  /// empty, the reference's K is used, too; both images must then have the same size.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;
   /// The lenses if the images are raw (not rectified), else null; see TwoViewInput.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// A motion that may be right, such as the motion of the previous frame; see TwoViewInput.
+  /// A guess at the camera's motion, such as the motion of the previous frame; see TwoViewInput.
   std::optional<RelativePose> motion;
 };
 
 /// The result for one pair of frames. If you reuse it for the next call, it keeps its buffers.
 struct MatchResult {
-  /// Status ok means that `geometry` was found and is of a kind that MatcherOptions::geometry asks
-  /// for.
+  /// Status::ok means that a geometry was found, of a kind that MatcherOptions::geometry allows.
   Status status = Status::no_reference;
   /// Status of the homography alone: model_rejected if the geometry is epipolar, else `status`.
   Status homographyStatus() const {
     return geometry == Geometry::epipolar ? Status::model_rejected : status;
   }
-  DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the descriptors
+  DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the frames' descriptors
   /// Where matches were searched for; KtgpMatcher never sets fell_back.
   Search search = Search::whole;
   FoundBy found_by = FoundBy::none;
   /// One correspondence per target feature, in target order, with the level that it reached.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
-  /// Result of PROSAC alone; the mask has one entry per correspondence of level ktg and above.
+  /// Result of PROSAC alone; its mask has one entry per correspondence of level ktg and above.
   ProsacResult prosac;
   /// Results of the stages: always knn, tf, gms and prosac, then growth, guided, align and two_view
   /// if they are on.
@@ -145,9 +146,10 @@ struct MatchResult {
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
 
-  /// The geometry that explains the matches. For plane and rotation, `answer` has the homography.
-  /// For epipolar, no homography explains all matches, and `answer` is zero; `two_view` then has
-  /// the geometry, and the levels, `inliers` and `rmse` (of Sampson distances) refer to it.
+  /// The geometry that explains the matches. If it is a plane or a rotation, `answer` has the
+  /// homography. If it is epipolar, no homography explains all matches, and `answer` is zero;
+  /// `two_view` then has the geometry, and the levels, `inliers` and `rmse` (of Sampson distances)
+  /// refer to it.
   Geometry geometry = Geometry::none;
   TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
 
@@ -165,15 +167,15 @@ struct MatchResult {
   /// than move, and both kinds are spread over the whole image, the moving matches determine the
   /// answer, and the matches that stand still get Level::kt.
   std::size_t still = 0;
-  /// Whether more matches stand still than chance can explain.
+  /// Returns true if more matches stand still than chance can explain.
   bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }
 
   /// Copies the correspondences that reached at least `level` into `out`, in target order.
   void surviving(Level level, std::vector<Correspondence>& out) const;
   /// Total time of all stages.
   double milliseconds() const;
-  /// Resets to the result of a frame without a reference, with the stages of `options`. Keeps the
-  /// buffers.
+  /// Resets this object to the result of a frame without a reference. `stages` then lists the
+  /// stages that are on in `options`. Keeps the buffers.
   void clear(const MatcherOptions& options);
 };
 
@@ -187,7 +189,7 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
 /// not run. An instance belongs to one thread at a time; several instances may work in parallel.
 class KtgpMatcher {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit KtgpMatcher(const MatcherOptions& options = {});
   ~KtgpMatcher();
   KtgpMatcher(KtgpMatcher&&) noexcept;
@@ -195,14 +197,14 @@ class KtgpMatcher {
 
   const MatcherOptions& options() const;
 
-  /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
-  /// two kinds. Bad data, such as keypoints outside the image or no features at all, does not
-  /// throw; the status says what happened.
+  /// Throws std::invalid_argument for malformed features (see requireValid), and if the two frames
+  /// have different kinds of descriptors. Bad data, such as keypoints outside the image or no
+  /// features at all, does not throw; the status says what happened.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
-  /// Matches with prior knowledge. Also throws std::invalid_argument for a prediction that is not
-  /// finite or, with a search radius, cannot be inverted, and for a matrix K that no camera can
-  /// have (see TwoViewEstimator::estimate).
+  /// Matches as above, but uses prior knowledge. Also throws std::invalid_argument for a prediction
+  /// that is not finite or, with a search radius, cannot be inverted, and for a matrix K that no
+  /// camera can have (see TwoViewEstimator::estimate).
   void match(const Features& reference, const Features& target, const MatchHints& hints,
              MatchResult& result);
 

@@ -20,8 +20,8 @@ struct MosaicOptions {
   /// is already covered is still updated. Memory per pixel: five bytes for the map, and up to
   /// twelve bytes for the keyframes.
   double max_megapixels = 64.0;
-  /// If true, a frame is placed by a match to the nearest keyframe of the map. If false, a frame is
-  /// placed by the product of the given homographies, whose errors add up.
+  /// If true, each frame is matched to the nearest keyframe of the map to find its position. If
+  /// false, its position is the product of the homographies given to follow(), whose errors add up.
   bool keyframes = true;
   /// If true, the brightness of each frame is scaled by one factor to match the map. This avoids
   /// steps when the exposure changes or a cloud passes.
@@ -30,16 +30,17 @@ struct MosaicOptions {
   MatcherOptions matcher = MatcherOptions::robust();
 };
 
-/// Outcome for a frame.
+/// What Mosaic::place() did with a frame.
 enum class Placement : std::uint8_t {
   drawn,  ///< the position of the frame is known, and it was drawn
-  /// The position of the frame is known, but the view has hardly moved, or the map is full.
+  /// The position of the frame is known, but the frame was not drawn, because the view has hardly
+  /// moved or the map is full.
   seen,
-  new_map,  ///< the frame is the first one of a new map
+  new_map,  ///< the frame is the first frame of a new map
   lost,     ///< the position of the frame is not known
 };
 
-/// "drawn", "seen", "new_map", "lost"
+/// Returns "drawn", "seen", "new_map" or "lost".
 const char* toString(Placement placement);
 
 /// Why the last frame is lost.
@@ -47,21 +48,22 @@ enum class LostBecause : std::uint8_t {
   nothing,    ///< the frame is not lost
   unmatched,  ///< no homography and no keyframe connects the frame to the map
   repeats,    ///< the pattern of the ground repeats, and it is unknown which part the frame shows
-  zoomed,     ///< the frame's scale in the map is not within 1/4..4 (large turn, tilt or climb)
-  moved,      ///< the map is a panorama, but the camera has left its place
+  zoomed,     ///< the frame's scale in the map is not in 1/4..4 (after a large turn, tilt or climb)
+  moved,      ///< the map is a panorama, but the camera has not only turned: it has moved
 };
 
 /// If the camera only turns, the map is drawn on a cylinder around the camera. Pixel p of the first
 /// frame has the ray K_inv p in the camera's coordinates. The ray has the components x to the
 /// right, y along `axis`, and z ahead; the z direction lies in the plane of `axis` and the optical
-/// axis of the first frame. The pixel is drawn at (cx + fx atan2(x, z), cy + fx y / |x,z|), plus
-/// any number of full turns.
+/// axis of the first frame. The pixel is drawn at (cx + fx atan2(x, z), cy + fx y / sqrt(x² + z²)),
+/// where fx, cx and cy are entries of K. A full turn later, the same direction is drawn again, 2 pi
+/// fx px farther.
 struct Panorama {
-  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< axis of the turn, in the first camera frame
+  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< rotation axis, in the first camera's frame
   bool is_estimated = false;  ///< K was estimated from homographies, not given by setCamera()
   double degrees = 0.0;       ///< horizontal angle that the map covers, 0..360
-  double closed_off = 0.0;    ///< largest gap between the end and the beginning of a full turn, px
+  double closed_off = 0.0;    ///< largest gap where a full turn met its beginning, px
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
@@ -75,7 +77,7 @@ struct Panorama {
 /// belongs to one thread at a time.
 class Mosaic {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit Mosaic(const MosaicOptions& options = {});
   ~Mosaic();
   Mosaic(Mosaic&&) noexcept;
@@ -85,13 +87,13 @@ class Mosaic {
   /// The new options apply from the next frame on; the map stays. Throws like the constructor.
   void setOptions(const MosaicOptions& options);
 
-  /// K of the images without distortion, px; empty if it is not known. Applies to the next map, and
-  /// to the current map if this map is still a plane. Without K, a panorama is possible only if the
-  /// homographies determine K.
+  /// Sets the camera matrix K of the images without lens distortion, px; empty if it is not known.
+  /// K applies to the next map, and to the current map if this map is still a plane. Without K, a
+  /// panorama is possible only if the homographies determine K.
   void setCamera(const std::optional<Eigen::Matrix3d>& camera);
 
-  /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call it for
-  /// every frame, in order, also for frames that are not placed.
+  /// Adds the homography of a frame (reference -> frame, px; empty if none was found). Call this
+  /// for every frame, in order, even for frames that you do not pass to place().
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
@@ -102,9 +104,9 @@ class Mosaic {
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
   /// Pose of the last frame given to place(): the homography from the first frame of the map to
-  /// this frame, px. Empty if the frame is lost. In a panorama, the homography is K R K_inv with
-  /// determinant 1, so that points of the first frame's plane with a positive third coordinate are
-  /// in front of the camera.
+  /// this frame, px. Empty if the frame is lost. In a panorama, the homography is K R K_inv, where
+  /// R is the rotation of the camera. Its determinant is 1, so that the third coordinate of a
+  /// mapped point is positive if the point is in front of the camera.
   std::optional<Eigen::Matrix3d> pose() const;
   /// Reason why the last frame is lost.
   LostBecause lostBecause() const;
@@ -119,20 +121,22 @@ class Mosaic {
   /// The map as CV_8UC4 (BGR and alpha; alpha is 0 in parts that no frame has shown). It is empty
   /// before the first frame is drawn.
   cv::Mat image() const;
-  /// The map as CV_8UC3, with no side longer than `longest` px. Parts that no frame has shown are
-  /// dark, and an outline shows the last placed frame.
+  /// The map as CV_8UC3, shrunk so that no side is longer than `longest` px. Parts that no frame
+  /// has shown are dark, and an outline shows the last placed frame.
   cv::Mat picture(int longest) const;
   /// The part of the map that image() shows, px.
   cv::Rect area() const;
 
   double megapixels() const;  ///< covered area, 10^6 px, counted in whole tiles
-  bool full() const;          ///< whether a part was not drawn because max_megapixels is reached
+  bool full() const;          ///< true if a part was not drawn because max_megapixels was reached
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps that were begun
-  /// How far the scene of the newest frames deviates from a plane, px: the running mean of
-  /// UncertainHomography::plane_deviation of their matches to keyframes; 0 without keyframes.
+  /// How far the scene of the newest frames deviates from a plane, px. It is the running mean of
+  /// the UncertainHomography::plane_deviation that their matches to keyframes gave; 0 without
+  /// keyframes.
   double planeDeviation() const;
-  /// Whether planeDeviation() is large enough to draw near or high objects several times.
+  /// Returns true if planeDeviation() is so large that near or high objects may be drawn several
+  /// times.
   bool hasParallax() const;
 
   void reset();

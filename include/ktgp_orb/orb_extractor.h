@@ -15,8 +15,8 @@ namespace ktgp_orb {
 /// How keypoints are chosen from the corners.
 enum class KeypointDistribution : std::uint8_t {
   ranked,  ///< the corners with the highest Harris response, as in cv::ORB
-  /// An equal share from every part of the image. In parts with few corners, the FAST threshold is
-  /// halved.
+  /// About equally many keypoints from every part of the image. In parts with few corners, the FAST
+  /// threshold is halved.
   uniform,
 };
 
@@ -63,13 +63,14 @@ struct OrbOptions {
 /// the output of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2, HARRIS_SCORE,
 /// 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other
 /// processors cv::ORB rounds its blur differently, which changes a descriptor bit in some frames;
-/// this class gives the same bits on all processors.) If Harris responses are equal, this class may
-/// keep more keypoints than the limit, as cv::ORB does.
+/// this class gives the same bits on all processors.) If several corners at the limit have the same
+/// Harris response, this class keeps all of them, as cv::ORB does, and so may exceed
+/// `max_features`.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit OrbExtractor(const OrbOptions& options = {});
   ~OrbExtractor();
   OrbExtractor(OrbExtractor&&) noexcept;
@@ -77,9 +78,9 @@ class OrbExtractor {
 
   const OrbOptions& options() const;
 
-  /// `image`: 8-bit grey, any stride. If the image is empty, or if its largest level is smaller
-  /// than a patch of 63 px, there are no features. Throws std::invalid_argument for an image of
-  /// another type. The buffers of `features` are reused.
+  /// `image`: 8-bit grey, any stride. If the image is empty, or if a side of its largest pyramid
+  /// level is shorter than 63 px, no features are found. Throws std::invalid_argument for an image
+  /// of another type. The buffers of `features` are reused.
   void extract(const cv::Mat& image, Features& features);
   /// Finds keypoints only where `mask` is not zero (8-bit, the size of `image`; empty: everywhere).
   /// Throws std::invalid_argument for a mask of another type or size.

@@ -25,17 +25,17 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  /// Limit that was used for the number of keypoints per image, see PairOptions::features_by_area.
+  /// The maximum number of keypoints per image that was used; see PairOptions::features_by_area.
   int max_features = 0;
   double reference_milliseconds = 0.0;  ///< time to find the features of the reference
   double target_milliseconds = 0.0;
   MatchResult match;
 };
 
-/// Matches two images, 8-bit grey. With GrowthOptions::views, the images are first matched without
-/// simulated views. Views of the reference are simulated only if this finds no geometry, because
-/// they take longer than all other steps. Throws std::invalid_argument as OrbExtractor and
-/// KtgpMatcher do.
+/// Matches two 8-bit grey images. If GrowthOptions::views is set, the images are first matched
+/// without simulated views. Views of the reference are simulated only if this finds no geometry,
+/// because they take longer than all other steps. Throws std::invalid_argument in the same cases as
+/// OrbExtractor and KtgpMatcher.
 PairMatch matchPair(const cv::Mat& reference, const cv::Mat& target,
                     const PairOptions& options = PairOptions::photo(),
                     const MatchHints& hints = {});

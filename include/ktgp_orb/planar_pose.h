@@ -10,8 +10,7 @@
 
 namespace ktgp_orb {
 
-/// Eigen's alignment is off, to give these types the same layout for every instruction set; see
-/// Covariance8.
+/// DontAlign gives these types the same layout for every instruction set; see Covariance8.
 using Pose3 = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
 using Covariance6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 
@@ -22,8 +21,8 @@ struct PlanarPose {
   Pose3 target_to_camera = Pose3::Identity();
   /// Covariance of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad).
   Covariance6 covariance = Covariance6::Zero();
-  /// Squared Mahalanobis distance between the homography of this pose and the given homography,
-  /// with two degrees of freedom.
+  /// Squared Mahalanobis distance between the homography of this pose and the given homography. It
+  /// has two degrees of freedom: eight entries of H minus six parameters of a pose.
   double squared_error = 0.0;
   /// Likelihood of this pose, divided by the sum of the likelihoods of both poses, 0..1; 1 if there
   /// is no other pose. The likelihood assumes that the scale of the homography's covariance is only
@@ -32,24 +31,26 @@ struct PlanarPose {
 };
 
 struct PlanarPoses {
-  /// No pose, one pose, or two poses with the likelier pose first. If a plane is seen nearly from
-  /// the front and from afar, a tilt to the left looks the same as a tilt to the right.
+  /// No pose, one pose, or two poses with the likelier pose first. There are two if the plane is
+  /// seen nearly from the front and from afar, because a tilt to the left then looks the same as a
+  /// tilt to the right.
   std::vector<PlanarPose> poses;
   std::string problem;  ///< reason why there is no pose; empty if there is a pose
 };
 
 /// Computes the poses from the homography (reference image -> camera image) and its covariance; see
 /// UncertainHomography. `camera`: K of an image without distortion, px; `reference_size`: px;
-/// `target_width`: width of the object that the reference image shows from side to side, m.
+/// `target_width`: width of the object, m; the reference image shows the object from its left to
+/// its right side.
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014). From each, Levenberg-Marquardt
 /// finds the pose whose homography is nearest to the given homography, weighted by the covariance.
-/// Both fits may end at the same pose, even if the rotation of the other solution of IPPE is an
-/// outlier for the covariance of this pose. Then the second pose keeps the rotation of that
-/// solution, and only its position is fitted. There is no pose if the homography does not show a
-/// target in front of the camera, if the covariance is not positive definite, or if neither start
-/// converges. Throws std::invalid_argument for an empty size, and for a width or focal length that
-/// is not positive.
+/// Both fits may end at the same pose. If the rotation of one of the two IPPE solutions then lies
+/// outside the covariance of this pose, that solution becomes the second pose: its rotation is
+/// kept, and only its position is fitted. There is no pose if the homography does not show a target
+/// in front of the camera, if the covariance is not positive definite, or if the fit converges from
+/// neither of the two starts. Throws std::invalid_argument for an empty size, and for a width or
+/// focal length that is not positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);
@@ -64,11 +65,12 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// of both homographies, but not the error due to a change of velocity between them. If
 /// `readout_time` is between -1 and 0, the last row is exposed first, as in pictures that the
 /// driver turns by 180 degrees. If it is -1, the time is not known: the homography stays `now`, and
-/// the covariance allows for a readout time of 0 +- 10 ms. planarPoses() needs only six of the
-/// eight numbers, so the distortion by the shutter changes the pose little, and the covariance
-/// covers this change. Returns `now` if one of the two homographies does not show all of the
-/// reference image, or if the time between them is too short. Throws std::invalid_argument for an
-/// empty size, no rows, `seconds` of 0 or less, and a `readout_time` that is not a number.
+/// the covariance allows for a readout time of 0 +- 10 ms. A pose has only six parameters and a
+/// homography eight, so the distortion by the shutter changes the pose of planarPoses() little, and
+/// the covariance covers this change. Returns `now` if one of the two homographies does not show
+/// all of the reference image, or if the time between the two images is too short. Throws
+/// std::invalid_argument for an empty size, no rows, `seconds` of 0 or less, and a `readout_time`
+/// that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

@@ -15,10 +15,11 @@ namespace ktgp_orb {
 
 /// Options of the homography estimator (Chum & Matas, "Matching with PROSAC", CVPR 2005).
 struct ProsacOptions {
-  /// Largest reprojection error of an inlier in the target (exclusive), px, > 0.
+  /// A pair is an inlier if its reprojection error in the target is below this value, px, > 0.
   double max_error = 3.0;
   int max_iterations = 2000;  ///< maximum number of samples, 1..1000000
-  /// Probability that no better model was missed, in (0, 1); 1 - eta0 in the maximality rule.
+  /// Probability that no better model was missed, in (0, 1). The paper's maximality rule has eta0 =
+  /// 1 - confidence.
   double confidence = 0.995;
   std::uint64_t seed = 1;  ///< random seed of the sampling; the same seed gives the same answer
 };
@@ -29,9 +30,9 @@ struct PointPairs {
   std::vector<Eigen::Vector2d> target;     ///< positions in the target image, px, finite
   /// Quality beta = d1/d2 of each pair (Eq. 6); smaller is better.
   std::vector<double> quality;
-  /// Standard deviation of the rounding error per coordinate of each position, px, >= 0; 1/sqrt(12)
-  /// for whole pixels. Neighbouring pairs with the same motion have the same rounding error, so the
-  /// residuals do not show the rounding.
+  /// Standard deviation, per coordinate, of the error due to rounding the positions, px, >= 0;
+  /// 1/sqrt(12) if they are rounded to whole pixels. It must be given because the residuals do not
+  /// show it: neighbouring pairs with the same motion have the same rounding error.
   double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
@@ -65,7 +66,8 @@ using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 /// A homography and its uncertainty: the answer of every stage that estimates a homography. All
 /// fields are zero if there is no homography.
 struct UncertainHomography {
-  /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
+  /// The matrix H that maps the reference to the target: x_target ~ H x_reference, in pixels. It is
+  /// scaled so that H(2,2) = 1, unless H(2,2) is near zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; it is NaN if H(2,2) is
   /// near zero, which can happen if the origin is far from all points and no reference size is
@@ -82,8 +84,8 @@ struct UncertainHomography {
   double plane_deviation = 0.0;
 };
 
-/// Homography, its support, and details of the search. If you reuse it for the next call, it keeps
-/// its buffers.
+/// The homography, the pairs that support it, and details of the search. If you reuse it for the
+/// next call, it keeps its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
   UncertainHomography answer;        ///< zero unless status is ok
@@ -98,12 +100,12 @@ struct ProsacResult {
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// Distance in px between H x_reference and x_target.
+/// Distance, px, between `target` and the position that `homography` predicts for `reference`.
 double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                          const Eigen::Vector2d& target);
 
-/// Finds the homography that the largest number of pairs agrees with, by sampling the best pairs
-/// first. The status says why no homography can be trusted:
+/// Finds the homography that the largest number of pairs agrees with. Draws samples from the best
+/// pairs first. The status says why no homography can be trusted:
 /// - too_few_matches: fewer than four pairs;
 /// - no_model: no homography agrees with more than the four pairs of its sample;
 /// - model_rejected: chance explains the support of the best homography, or it mirrors the image,
@@ -119,7 +121,7 @@ double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class ProsacHomography {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit ProsacHomography(const ProsacOptions& options = {});
   ~ProsacHomography();
   ProsacHomography(ProsacHomography&&) noexcept;
@@ -127,17 +129,18 @@ class ProsacHomography {
 
   const ProsacOptions& options() const;
 
-  /// `reference_size`: size of the reference image in px, for the checks of its corners and of H's
-  /// horizon; if empty, the bounding box of the points is used. Throws std::invalid_argument for
-  /// arrays of different length and for values that are not finite.
+  /// `reference_size`: size of the reference image, px, used to check where the homography maps its
+  /// corners and whether the horizon crosses it; if empty, the bounding box of the points is used.
+  /// Throws std::invalid_argument for arrays of different length and for values that are not
+  /// finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 
   /// Estimates with an initial homography that may be right, for example predicted from earlier
   /// frames or found by another method. It is scored before the first sample; if the pairs support
-  /// it, a few samples are enough. Otherwise it has no advantage: it must win against the samples,
-  /// and is refined and tested like them. The homography is in px and may have any scale and sign.
-  /// It is ignored if it cannot be the view of a plane from one side (singular or mirrored). Throws
-  /// std::invalid_argument if it is not finite.
+  /// it, a few samples are enough. Otherwise it has no advantage: it must win against the
+  /// homographies of the samples, and is refined and tested like them. The homography is in px and
+  /// may have any scale and sign. It is ignored if it cannot be the view of a plane from one side
+  /// (singular or mirrored). Throws std::invalid_argument if it is not finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size,
                 const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
 

@@ -25,11 +25,12 @@ enum class ReferenceMode : std::uint8_t {
 
 struct ReferenceOptions {
   ReferenceMode mode = ReferenceMode::previous;
-  /// Longest gap after the previous frame, s, > 0; see NoReference::gap. Not used in mode fixed.
+  /// Maximum time since the previous frame, s, > 0; after a longer gap, a frame has no reference
+  /// (NoReference::gap). Not used in mode fixed.
   double max_age = 1.0;
-  /// Share of the target image that a keyframe must cover to stay the reference, 0..1.
+  /// A keyframe must cover this share of the target image to stay the reference, 0..1.
   double min_overlap = 0.5;
-  /// Number of final matches that a keyframe must give to stay the reference, >= 4.
+  /// A keyframe stays the reference only if it gives at least this number of final matches, >= 4.
   int min_inliers = 100;
   /// Only in mode fixed: if the shorter side of the reference is below this limit (px), ORB also
   /// extracts features from enlarged copies of the reference and of each frame
@@ -61,7 +62,7 @@ enum class ViewsState : std::uint8_t {
   ready,
 };
 
-/// The enumerator's own name, e.g. "being_made".
+/// Returns the enumerator's name, e.g. "being_made".
 const char* toString(ViewsState state);
 
 /// Returns the options as SequenceMatcher uses them: `orb.images` becomes share if alignment is on,
@@ -87,7 +88,7 @@ enum class NoReference : std::uint8_t {
   lens_changed = 9,  ///< the previous frame has another lens, or only one of the frames has a lens
 };
 
-/// The enumerator's own name, e.g. "stamp_went_back".
+/// Returns the enumerator's name, e.g. "stamp_went_back".
 const char* toString(NoReference reason);
 
 /// An image of the sequence and its features.
@@ -99,17 +100,20 @@ struct Frame {
   /// CV_8UC1, the size of `image`: keypoints are found where the mask is not zero, or everywhere if
   /// it is empty.
   cv::Mat mask;
-  /// If set, the keypoints are moved to their positions without distortion, and there is no
-  /// sub-pixel alignment, since the image is still distorted. If null, the keypoints stay.
+  /// If set, extractFeatures() moves the keypoints to their positions in an image without lens
+  /// distortion. There is then no sub-pixel alignment, because the image itself is still distorted.
+  /// If null, the keypoints stay where they are.
   LensConstPtr lens;
-  /// K of the image without distortion, px, for the two-view geometry; empty if it is not known.
+  /// Camera matrix K of the image without lens distortion, px, for the two-view geometry; empty if
+  /// it is not known.
   std::optional<Eigen::Matrix3d> camera;
-  /// Maps points of `image` to the pixels of `camera`; null if they need no mapping.
+  /// For the two-view geometry: maps the keypoints to the image without distortion, to which
+  /// `camera` refers; null if they are already positions in that image.
   LensConstPtr camera_lens;
   Features features;
   /// A track number, >= 1, for each keypoint: a final match continues the track of its reference
-  /// keypoint; every other keypoint begins a new track. Set by SequenceMatcher::match; empty
-  /// before.
+  /// keypoint; every other keypoint begins a new track. SequenceMatcher::match sets the numbers;
+  /// before that, the list is empty.
   std::vector<std::uint64_t> tracks;
   /// Options with which `features` were extracted. If the matcher needs other options, it extracts
   /// the features again into a new frame of the same image, and this frame does not change. Without
@@ -133,7 +137,7 @@ struct SequenceMatch {
   /// Null if there was no reference; see `no_reference`.
   FrameConstPtr reference;
   NoReference no_reference = NoReference::none;  ///< reason why `reference` is null
-  /// Whether the image only repeats the previous image: its pixels are the same, or they differ
+  /// True if the image only repeats the previous image: its pixels are the same, or they differ
   /// only because the image was compressed again. Some drivers, and videos with a doubled frame
   /// rate, repeat images. A repeated image is not a new frame: all other fields, including `frame`,
   /// keep the result of the previous frame. If an image stays the same for longer than earlier
@@ -147,8 +151,8 @@ struct SequenceMatch {
   /// variances of the noise add up, and so do the standard deviations of the smooth errors
   /// (UncertainHomography::shared_covariance). (The covariance is too large, because it ignores
   /// that the keypoint errors of a frame enter two of the multiplied homographies with opposite
-  /// signs.) It is NaN if a covariance in the chain is NaN. The deviation from a plane is the
-  /// largest deviation in the chain.
+  /// signs.) It is NaN if a covariance in the chain is NaN. Its plane_deviation is the largest
+  /// plane_deviation in the chain.
   std::optional<UncertainHomography> accumulated;
   std::int64_t first_stamp = 0;  ///< stamp of the first frame of `accumulated`, ns
   /// Number of frames so far for which the search near the predicted positions failed
@@ -158,9 +162,9 @@ struct SequenceMatch {
   double total_milliseconds = 0.0;
 };
 
-/// Whether two frames can be matched in advance, from their features alone. This is not possible
-/// with a search radius or two-view geometry, which use results of the previous frame, and with
-/// GrowthOptions::views, because growth may need the views of the reference.
+/// Returns true if two frames can be matched in advance, from their features alone. This is not
+/// possible with a search radius or two-view geometry, because these use results of the previous
+/// frame, nor with GrowthOptions::views, because growth may need the views of the reference.
 bool canMatchAhead(const MatcherOptions& options);
 
 /// A match that was computed in advance, for example in another thread, to save time later.
@@ -178,33 +182,35 @@ struct MatchAhead {
 /// longer, because growth runs; the number of seeds limits this time.
 ///
 /// With a search radius (KnnOptions), matches are searched near the positions that the motion
-/// between the last two frames predicts. If that gives no homography, or less than half of the
-/// inliers of the previous frame, the frame is matched again over the whole image, and the better
-/// result counts.
+/// between the last two frames predicts. If that gives no homography, or less than half as many
+/// inliers as the previous frame had, the frame is matched again over the whole image, and the
+/// better result counts.
 ///
 /// An instance belongs to one thread at a time. After the first frames, no memory is allocated,
 /// unless frames are enlarged (ReferenceOptions::enlarge_below).
 class SequenceMatcher {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit SequenceMatcher(const SequenceOptions& options = {});
   ~SequenceMatcher();
   SequenceMatcher(SequenceMatcher&&) noexcept;
   SequenceMatcher& operator=(SequenceMatcher&&) noexcept;
 
-  /// The given options, changed by withImages().
+  /// The options that the caller gave, changed by withImages().
   const SequenceOptions& options() const;
   /// The new options apply from the next frame on. If the mode changes, the reference is dropped
-  /// unless it is a fixed reference. Throws like the constructor; then nothing changes.
+  /// unless it is a fixed reference. Throws like the constructor; in that case, the old options
+  /// stay.
   void setOptions(const SequenceOptions& options);
 
   /// Matches the next image, taken at `seconds` since any epoch. `image`: 8-bit grey; it is copied.
   /// `encoding`: the camera's pixel format; a new sequence starts if it changes. The result is
   /// valid until the next call. Throws std::invalid_argument, without any change, for an image of
-  /// another type, and for a time that is not finite or is more than 292 years from zero.
+  /// another type, and for a time that is not finite or does not fit into 64 bits of ns (292
+  /// years).
   const SequenceMatch& match(const cv::Mat& image, double seconds,
                              const std::string& encoding = {});
-  /// Matches features found elsewhere. Throws as requireValid does.
+  /// Matches features that were extracted elsewhere. Throws in the same cases as requireValid.
   const SequenceMatch& match(const Features& features, double seconds);
   /// Matches a frame, which is kept without a copy: do not change it until its use_count() is 1
   /// again. The result of `ahead` is used instead of a new match if canMatchAhead is true for the
@@ -221,10 +227,10 @@ class SequenceMatcher {
   FrameConstPtr fixedReference() const;
   /// State of the views when the last frame was matched.
   ViewsState viewsState() const;
-  /// The next frame becomes the fixed reference; the frame after it is the first to be matched.
+  /// Makes the next frame the fixed reference; the frame after it is the first to be matched.
   void fixNextFrame();
 
-  /// The next frame is the first of a new sequence; a fixed reference stays.
+  /// Begins a new sequence with the next frame, but keeps a fixed reference.
   void restart();
   /// Forgets every reference, including the fixed one and a call of fixNextFrame().
   void reset();

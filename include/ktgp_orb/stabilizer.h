@@ -18,17 +18,17 @@ struct StabilizerOptions {
   /// Number of later frames to wait for before a frame is returned, 0..60. A larger lag gives a
   /// steadier picture but more delay.
   int lag = 0;
-  /// Share of the width and height that may be cut off at each border, 0.01..0.4. Larger
+  /// The largest share of the width or height that may be cut off at each border, 0.01..0.4. Larger
   /// corrections would show areas beyond the frame, so they are limited smoothly.
   double max_crop = 0.1;
 };
 
-/// A frame with its position in the steady picture.
+/// A frame, and where it has to be drawn in the steady picture.
 struct SteadyFrame {
   std::int64_t stamp = 0;
   /// Homography from the frame to the steady picture of the same size, px.
   Eigen::Matrix3d warp = Eigen::Matrix3d::Identity();
-  /// Whether the frame is not connected to the previous frame, because the scene was cut or no
+  /// True if the frame is not connected to the previous frame, because the scene was cut or no
   /// homography was found.
   bool starts_anew = false;
 };
@@ -37,16 +37,16 @@ struct SteadyFrame {
 ///
 /// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
-/// to the track of each corner; the weights depend on the distance in time. The values of the lines
-/// at the time of the frame are the corners of the frame in the steady picture. A mean instead of a
-/// line would lag behind an evenly moving camera. With a lag of 0, the camera is assumed to stand
-/// still at the beginning of a path, until more frames are known. When a new path begins, the last
-/// correction of the old path fades out.
+/// to the track of each corner; frames that are nearer in time have more weight. The values of the
+/// lines at the time of the frame are the corners of the frame in the steady picture. (With the
+/// mean of the track instead of a line, the picture would lag behind a camera that moves evenly.)
+/// With a lag of 0, the camera is assumed to stand still at the beginning of a path, until more
+/// frames are known. When a new path begins, the last correction of the old path fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit Stabilizer(const StabilizerOptions& options = {});
 
   const StabilizerOptions& options() const { return options_; }
@@ -76,16 +76,16 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<SteadyFrame> waiting_;  // frames whose warps are not known yet
-  // Shift of each corner of the newest finished frame by the correction (before the crop), px.
+  // How far the correction shifts each corner of the newest finished frame, before the crop, px.
   Corners correction_;
   // Correction at the end of the previous path; it fades out in the present path.
   Corners fading_;
   std::int64_t fading_since_ = 0;
 };
 
-/// Measures the shake of a path: squared second difference of the corner positions, averaged over
-/// the frames and the four image corners, px^2. `steps`: homographies from each frame to the next.
-/// Returns 0 for fewer than two steps.
+/// Measures the shake of a path: the squared second difference of the positions of the image
+/// corners, averaged over the frames and the four corners, px². `steps`: homographies from each
+/// frame to the next. Returns 0 for fewer than two steps.
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size);
 
 }  // namespace ktgp_orb

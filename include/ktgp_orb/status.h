@@ -11,11 +11,11 @@ enum class Status : std::uint8_t {
   no_reference = 1,      ///< there was no reference frame to match against
   too_few_features = 2,  ///< fewer than two reference features or no target feature
   too_few_matches = 3,   ///< fewer than four correspondences were left for the homography
-  no_model = 4,        ///< every homography agrees only with the four correspondences of its sample
-  model_rejected = 5,  ///< the best homography is degenerate, mirrored, or due to chance
+  no_model = 4,          ///< no homography agrees with more pairs than the four of its sample
+  model_rejected = 5,    ///< the best homography is degenerate, mirrored, or due to chance
 };
 
-/// The enumerator's own name, e.g. "too_few_matches".
+/// Returns the enumerator's name, e.g. "too_few_matches".
 const char* toString(Status status);
 
 }  // namespace ktgp_orb

@@ -24,8 +24,9 @@ struct Target {
   /// by day and one by night.
   std::vector<cv::Mat> images;
   double width = 0.0;  ///< width of the flat object in the images, m; 0: not known
-  /// Name of the target's frame in tf, for the caller; a leading slash is removed. It must differ
-  /// from the frames of all other targets and of their instances (FRAME_1 ...).
+  /// Name of the target's frame in tf; TargetFinder only passes it on to the detections. A leading
+  /// slash is removed. It must differ from the frames of all other targets and of their instances
+  /// (FRAME_1 ...).
   std::string frame;
 };
 
@@ -41,27 +42,28 @@ struct TargetFinderOptions {
     options.distribution = KeypointDistribution::uniform;
     return options;
   }();
-  /// Largest number of keypoints per target image, 50..5000; with views, five times this number.
+  /// Maximum number of keypoints of a target image at full size, 50..5000. All sizes together get
+  /// up to twice this number, or up to six times if `views` is 5.
   int features = 500;
   /// Longest side of a target image, px, 64..4000; larger images are shrunk to save memory.
   int largest_side = 400;
   /// Number of views in which each image of a target is searched. 1: only the image itself, at
-  /// full, half and quarter size. 5: also four views of the image with a tilt of 2, each at these
-  /// three sizes.
+  /// full, half and quarter size. 5: also four views of the image with a tilt of 2 (compressed to
+  /// half in one direction), each at these three sizes.
   int views = 5;
   /// Shorter side of the smallest targets to find in the frame, px, 40..1000. If it is below 80,
   /// the frame is enlarged before the extraction, and about half of the targets of 45 px are found;
-  /// the exact value has no effect. The factor is two, or smaller if the frame would become longer
-  /// than 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames whose
-  /// longer side is below 480 px are enlarged by a factor of up to four; in frames of 160 px, half
-  /// of the targets of 18 px are found. An enlarged frame takes several times as long. A frame is
-  /// enlarged only if no target is followed, if a small target is followed, or if a target was
-  /// lost; every eighth frame is always enlarged.
+  /// all values below 80 have the same effect. The enlargement is by a factor of two, or less if
+  /// the frame would become longer than 2500 px; if the factor would be below 1.25, the frame is
+  /// not enlarged. Frames whose longer side is below 480 px are enlarged by a factor of up to four;
+  /// in frames of 160 px, half of the targets of 18 px are found. An enlarged frame takes several
+  /// times as long. A frame is enlarged only if no target is followed, if a small target is
+  /// followed, or if a target was lost; every eighth frame is always enlarged.
   double smallest_side = 45.0;
-  /// Time for the search for targets that were not seen in the last frame, ms per frame. While
-  /// other targets are followed, a tenth of this time is used. If infinite, all candidates are
-  /// tried on every frame. At least a part of the keypoints is looked up and two candidates are
-  /// tried. The extraction and the targets of the last frame take additional time.
+  /// Time per frame for the search for targets that the last frame did not show, ms. While other
+  /// targets are followed, a tenth of this time is used. If infinite, all candidates are tried on
+  /// every frame. Even if the time is too short, a part of the keypoints is looked up and two
+  /// candidates are tried. The extraction and the targets of the last frame take additional time.
   double search_ms = std::numeric_limits<double>::infinity();
   int max_instances = 8;  ///< maximum number of copies of one target in a frame, 1..1000
 };
@@ -74,8 +76,9 @@ struct DetectedTarget {
   /// with more or similar support is at the same place or encloses the part of this target that was
   /// found, since only one of the two can be there.
   Status status = Status::ok;
-  /// Whether so little of the target was found, or so inaccurately, that a corner has a standard
-  /// deviation of more than 5 px. Such a target is not followed and gets no instance number.
+  /// True if the standard deviation of a corner is more than 5 px, because only a small part of the
+  /// target was found or its position is inaccurate. Such a target is not followed and gets no
+  /// instance number.
   bool uncertain = false;
   std::size_t image = 0;  ///< index in Target::images of the image that was found
   cv::Size image_size;    ///< size of that image, px
@@ -143,14 +146,14 @@ struct TargetFrame {
 /// in the index and how many candidates are tried. Successive frames look up different keypoints.
 /// The search alternates between the candidate with the best support and the candidate that has not
 /// been tried for the longest time. So the available time decides which candidates are tried.
-/// Whether a tried target is found depends on earlier frames only through the enlargement of the
-/// frame (smallest_side) and through targets that are followed without keypoints
+/// Earlier frames influence whether a tried target is found in only two ways: they determine
+/// whether the frame is enlarged (smallest_side), and a target may be followed without keypoints
 /// (DetectedTarget::predicted).
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit TargetFinder(const TargetFinderOptions& options = {});
   ~TargetFinder();
   TargetFinder(TargetFinder&&) noexcept;
@@ -158,7 +161,7 @@ class TargetFinder {
 
   const TargetFinderOptions& options() const;
   /// Changes three of the TargetFinderOptions from the next frame on. Throws like the constructor;
-  /// then nothing changes.
+  /// in that case, the old values stay.
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Adds a target. Throws std::invalid_argument with the reason, without any change, for an empty
@@ -173,7 +176,8 @@ class TargetFinder {
   /// The ids of all targets, in the order in which the targets were added.
   std::vector<std::string> ids() const;
   bool knows(const std::string& id) const;
-  /// DetectedTarget::ambiguity of the target with this id; empty if there is no such target.
+  /// Returns the text for DetectedTarget::ambiguity of the target with this id; empty if there is
+  /// no such target.
   std::string ambiguity(const std::string& id) const;
 
   /// Searches for the targets in the next frame. `image`: 8-bit grey; other types throw
@@ -184,11 +188,11 @@ class TargetFinder {
   /// the targets.
   const TargetFrame& find(const Features& features);
 
-  /// Searches for all targets in an image that does not belong to the sequence. The followed
-  /// targets do not change.
+  /// Searches for all targets in an image that does not belong to the sequence. The targets that
+  /// are being followed do not change.
   const TargetFrame& findAlone(const cv::Mat& image);
 
-  /// Forgets all followed targets, because the next frame belongs to another sequence.
+  /// Call this if the next frame belongs to another sequence. Forgets all followed targets.
   void restart();
 
  private:
@@ -197,7 +201,8 @@ class TargetFinder {
 };
 
 /// Draws the outlines and ids of the targets found in `image` (yellow; purple if the status is not
-/// ok). A short line marks the upper left corner of each target. Throws as drawOverlay does.
+/// ok). A short line marks the upper left corner of each target. Throws in the same cases as
+/// drawOverlay.
 void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detections,
                  cv::Mat& canvas);
 

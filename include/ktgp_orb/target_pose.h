@@ -27,11 +27,11 @@ class TargetPose {
   /// image without distortion, px. `lens`: lens of the image in which the target was found; null if
   /// the image has no distortion. `stamp`: time of this image, ns; `rows`: its height, px.
   ///
-  /// With lens distortion, no homography maps a flat target to the image. The pairs of the
-  /// detection are therefore rectified, and a homography is fitted to them. If the shutter is not
-  /// global and the target was also seen in the previous image, the pose refers to the time when
-  /// the middle row was exposed (see withoutShutter). Throws as planarPoses() and withoutShutter()
-  /// do.
+  /// With lens distortion, no homography maps a flat target to the image. Therefore the point pairs
+  /// of the detection are moved to their positions without distortion, and a homography is fitted
+  /// to them. If the shutter is not global and the target was also seen in the previous image, the
+  /// pose refers to the time when the middle row was exposed (see withoutShutter). Throws in the
+  /// same cases as planarPoses() and withoutShutter().
   PlanarPoses find(const DetectedTarget& target, const Eigen::Matrix3d& camera, const Lens* lens,
                    std::int64_t stamp, int rows);
 

@@ -20,12 +20,12 @@ namespace ktgp_orb {
 /// The geometry that explains the matches of two images.
 enum class Geometry : std::uint8_t {
   none = 0,
-  plane = 1,     ///< a homography: the scene is flat, or, without K, the camera only turned
-  rotation = 2,  ///< the camera only turned, or stood still; this is known only with K
-  epipolar = 3,  ///< a scene with depth: essential matrix with K, fundamental matrix without
+  plane = 1,     ///< a homography: the scene is flat (or K is not known and the camera only turned)
+  rotation = 2,  ///< the camera only turned, or stood still; found only if K is known
+  epipolar = 3,  ///< a scene with depth: essential matrix if K is known, else fundamental matrix
 };
 
-/// The enumerator's own name, e.g. "epipolar".
+/// Returns the enumerator's name, e.g. "epipolar".
 const char* toString(Geometry geometry);
 
 /// Why another explanation of the pairs cannot be excluded, or why all explanations were rejected.
@@ -36,8 +36,9 @@ enum class Doubt : std::uint8_t {
   /// Too few pairs are off the dominant plane, or these pairs are all in one place.
   few_points_off_the_plane = 2,
   small_parallax = 3,  ///< another direction or the opposite sign of the translation fits as well
-  repetitive = 4,      ///< the texture repeats itself, and shifted (wrong) pairings fit as well
-  /// A pure turn or a camera at rest explains all pairs outside one compact region.
+  repetitive = 4,      ///< the texture repeats, and wrong pairs, shifted by a period, fit as well
+  /// A camera that only turned or stood still explains all pairs outside one compact region, which
+  /// may be a moving object.
   moving_region = 5,
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
@@ -45,7 +46,7 @@ enum class Doubt : std::uint8_t {
   undetermined = 8,  ///< the inliers do not determine the geometry
 };
 
-/// The enumerator's own name, e.g. "small_parallax".
+/// Returns the enumerator's name, e.g. "small_parallax".
 const char* toString(Doubt doubt);
 
 /// Options of the two-view geometry.
@@ -62,15 +63,17 @@ struct TwoViewOptions {
   /// errors vary linearly over the image, so the residuals do not show them. The covariance of
   /// every geometry includes them.
   double shared_error = 0.0;
-  /// The defaults with the shared_error of real cameras.
+  /// The default options, but with a shared_error that is usual for real cameras.
   static TwoViewOptions realCameras();
-  /// Only for TwoViewMatcher: whether the points are refined by aligning image patches, if the
-  /// features have images.
+  /// Only for TwoViewMatcher: if true, and if the features have images, the points are refined by
+  /// aligning image patches.
   bool alignment = true;
 };
 
-/// How the target camera moved: x_target ~ R x_reference + t for a point in the frames of the two
-/// cameras (x right, y down, z forward). The unit of length is the distance between the cameras.
+/// How the camera moved from the reference to the target. A point with the coordinates x_reference
+/// in the reference camera's frame (x right, y down, z forward) has x_target = R x_reference + t in
+/// the target camera's frame, with the rotation R and the translation t. The unit of length is the
+/// distance between the two camera positions.
 struct RelativePose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   /// Unit vector, or zero if the camera only turned.
@@ -79,14 +82,14 @@ struct RelativePose {
 
 /// Prior knowledge about the two images.
 struct TwoViewInput {
-  /// K of images without distortion, px. Leave K of the reference empty if it is not known; then no
-  /// pose is estimated.
+  /// Camera matrices K of the images without lens distortion, px. Leave the reference's K empty if
+  /// it is not known; then no motion is estimated.
   std::optional<Eigen::Matrix3d> reference_camera;
   std::optional<Eigen::Matrix3d> target_camera;  ///< if empty, the reference's K is used
   cv::Size reference_size;  ///< px; if empty, the bounding box of the points is used
   cv::Size target_size;     ///< px; if empty, the bounding box of the points is used
-  /// A motion that may be right, for example the motion of the previous frame. It is scored before
-  /// the first sample and has no other advantage.
+  /// A guess at the motion, for example the motion of the previous frame. It is scored before the
+  /// first sample and has no other advantage.
   std::optional<RelativePose> prediction;
   /// For TwoViewMatcher: maps points of the images to the pixels of K; null if the images have no
   /// distortion. Pairs, fundamental matrix and homography then refer to images without distortion.
@@ -95,7 +98,7 @@ struct TwoViewInput {
   /// Standard deviation of the error of each pair, relative to the error of the most precise pairs;
   /// null if all pairs are equally precise. TwoViewMatcher sets it.
   const std::vector<double>* deviations = nullptr;
-  /// A homography that may be right, for example from the matches before alignment.
+  /// A guess at the homography, for example from the matches before alignment.
   std::optional<Eigen::Matrix3d> homography;
 };
 
@@ -103,9 +106,9 @@ struct TwoViewInput {
 struct ScenePoint {
   /// Index of the point pair that this point was triangulated from.
   std::size_t pair = 0;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position in units of the baseline
-  /// Covariance of the position, if all pairs have errors of the same scale (TwoView::scale, or
-  /// rmse if scale is 0) and the motion is exact.
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< unit: distance between the cameras
+  /// Covariance of `position`. It assumes that the errors of all pairs have the same scale
+  /// (TwoView::scale, or rmse if scale is 0), and that the motion is exact.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -121,27 +124,27 @@ struct OtherMotion {
 /// Result of TwoViewEstimator::estimate. If you reuse it for the next call, it keeps its buffers.
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
-  /// If the status is ok: why `other` is not excluded; if model_rejected: why there is no answer;
-  /// otherwise none.
+  /// If the status is ok: why the motion `other` cannot be excluded. If it is model_rejected: why
+  /// there is no answer. Otherwise none.
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 
   /// If the geometry is a plane or a rotation: its homography. If it is epipolar: the homography of
   /// the dominant plane, if there is one. Otherwise zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// The fundamental matrix, x_target^T F x_reference = 0, in px and of norm 1; zero for a rotation
-  /// and for a plane without K.
+  /// The fundamental matrix F for positions in px: x_target^T F x_reference = 0. Its norm is 1. It
+  /// is zero for a rotation, and for a plane if K is not known.
   Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
 
-  /// With K: the likeliest motion, and its probability in [0, 1]. `other` is the likeliest motion
-  /// that differs clearly from `pose`; empty if it can be excluded. If `other` is set, the two
-  /// probabilities add up to 1.
+  /// If K is known: the likeliest motion, and its probability in [0, 1]. `other` is the likeliest
+  /// motion that differs clearly from `pose`; empty if it can be excluded. If `other` is set, the
+  /// two probabilities add up to 1.
   RelativePose pose;
   double probability = 0.0;
   std::optional<OtherMotion> other;
   /// Covariance of small changes of the translation (x, y, z) and of small rotations about the
   /// target camera's axes (rad), in this order. Its rank is 5, because the length of the
-  /// translation is fixed. For a pure rotation the rank is 6: the translation part then covers
+  /// translation is fixed. For a pure rotation the rank is 6: the covariance then allows for
   /// translations that are too small to be noticed, in units of the distance to the scene. If
   /// `other` is set, the covariance is large enough to cover both motions. NaN if K is missing or
   /// the covariance is unknown.
@@ -149,8 +152,8 @@ struct TwoView {
   /// Median over all inliers of the angle between the two rays of a pair, degrees; NaN without K.
   double parallax = 0.0;
 
-  /// One entry per pair: 1 if it agrees with the geometry and, with K, lies in front of both
-  /// cameras.
+  /// One entry per pair: 1 if it agrees with the geometry and, if K is known, its scene point lies
+  /// in front of both cameras; else 0.
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;  ///< number of ones in `mask`
   /// Root mean square over the inliers, px: reprojection error in the target (plane, rotation) or
@@ -158,12 +161,12 @@ struct TwoView {
   double rmse = 0.0;
   double scale = 0.0;  ///< robust scale of the Sampson distances, px; 0 unless epipolar
 
-  /// log10 of the expected number of models that get the same support by chance (Moisan & Stival,
-  /// IJCV 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no model. The model with the
-  /// smaller number is chosen.
+  /// log10 of the number of false alarms: the expected number of models that get the same support
+  /// by chance (Moisan & Stival, IJCV 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no
+  /// model. The model with the smaller number is chosen.
   double log_false_alarms_homography = 0.0;
   double log_false_alarms_epipolar = 0.0;
-  int iterations = 0;  ///< number of samples in the search for the epipolar geometry
+  int iterations = 0;  ///< number of samples drawn in the search for the epipolar geometry
 };
 static_assert(alignof(TwoView) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
@@ -171,9 +174,9 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// Finds the geometry that explains the point pairs of two images; see Geometry.
 ///
 /// PROSAC searches for each model, with samples of four pairs for a homography, five for an
-/// essential matrix (Nister, PAMI 2004) and seven for a fundamental matrix. Then the motion is
-/// refined on its manifold by maximum likelihood, which assumes Student's t distribution of the
-/// Sampson distances.
+/// essential matrix (Nister, PAMI 2004) and seven for a fundamental matrix. Then a maximum
+/// likelihood fit refines the motion; it assumes that the Sampson distances have Student's t
+/// distribution.
 ///
 /// The model with fewer false alarms is chosen. A pair may agree with a wrong model by chance. The
 /// probability of this is the share of the image that lies within the error of the pair: in a disc
@@ -183,13 +186,13 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// plane with a few points off it is reported as an epipolar geometry, and a plane without such
 /// points as a plane.
 ///
-/// The status is model_rejected if a geometry is significant, but other evidence contradicts it or
-/// the inliers do not determine it; see TwoView::doubt.
+/// The status is model_rejected if chance cannot explain a geometry, but other evidence contradicts
+/// it or the inliers do not determine it; see TwoView::doubt.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewEstimator {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit TwoViewEstimator(const TwoViewOptions& options = {});
   ~TwoViewEstimator();
   TwoViewEstimator(TwoViewEstimator&&) noexcept;
@@ -207,7 +210,8 @@ class TwoViewEstimator {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Estimates the two-view geometry in one call. The pairs must be sorted, best first.
+/// Estimates the two-view geometry in one call, without a TwoViewEstimator. The pairs must be
+/// sorted, best first.
 TwoView estimateTwoView(const std::vector<Eigen::Vector2d>& reference,
                         const std::vector<Eigen::Vector2d>& target, const TwoViewInput& input = {},
                         const TwoViewOptions& options = {});
@@ -232,22 +236,22 @@ struct TwoViewMatches {
 ///
 /// Keypoints are accurate to half a pixel. For each match, the patch of 16x16 px around the
 /// reference keypoint is found in the target (see Alignment). The patch is warped by the affine map
-/// of the twelve nearest matches, so no plane is assumed. A match keeps the positions of its
-/// keypoints if alignment would move it by more than 4 px, or if its patches do not look alike
-/// (correlation below 0.8). Without Features::images, all matches keep the positions of their
-/// keypoints.
+/// that fits the twelve nearest matches, so the scene need not be a plane. A match keeps the
+/// positions of its keypoints if alignment would move it by more than 4 px, or if its patches do
+/// not look alike (correlation below 0.8). Without Features::images, all matches keep the positions
+/// of their keypoints.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class TwoViewMatcher {
  public:
-  /// Throws std::invalid_argument naming the option and its range.
+  /// Throws std::invalid_argument, naming the option and its range, if an option is out of range.
   explicit TwoViewMatcher(const TwoViewOptions& options = {});
   ~TwoViewMatcher();
   TwoViewMatcher(TwoViewMatcher&&) noexcept;
   TwoViewMatcher& operator=(TwoViewMatcher&&) noexcept;
 
   /// `matches`: the correspondences of KtgpMatcher. The image sizes are taken from the features,
-  /// not from `input`. Throws as TwoViewEstimator::estimate does.
+  /// not from `input`. Throws in the same cases as TwoViewEstimator::estimate.
   void estimate(const Features& reference, const Features& target,
                 const std::vector<Correspondence>& matches, const TwoViewInput& input,
                 TwoViewMatches& result);

@@ -17,7 +17,7 @@ struct Method {
 
 /// All methods with our features and the thresholds of `options`. If `estimator` is not empty,
 /// every method that estimates a homography uses it, except the presets, which are the unchanged
-/// matcher. doc/method.md describes our choices for gaps in the literature.
+/// matcher. doc/evaluation.md describes our choices for gaps in the literature.
 std::vector<Method> allMethods(const PipelineOptions& options, const std::string& estimator = "");
 
 /// Time and result of one step.

@@ -16,23 +16,24 @@ namespace ktgp_orb::bag {
 namespace {
 
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
-constexpr std::size_t kSearchBlock = 1 << 20;  // bytes read at a time in the search after damage
-constexpr std::size_t kNotedAtMost = 4;        // largest number of problems in damage()
-/// Largest uncompressed size of a compressed chunk that we accept, in bytes, because a damaged
-/// chunk may declare any size. rosbag writes chunks below a megabyte unless one image is larger.
+constexpr std::size_t kSearchBlock = 1 << 20;  // bytes read at a time when we search for a record
+constexpr std::size_t kNotedAtMost = 4;        // number of problems that damage() describes
+/// Bytes; we refuse a compressed chunk if it says that its uncompressed data are larger than this,
+/// because a damaged chunk may give any size. rosbag writes chunks below a megabyte unless one
+/// image is larger.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
-/// Largest compression ratio of LZ4.
+/// Largest possible compression ratio of LZ4; a chunk that claims more is damaged.
 constexpr std::size_t kLz4Ratio = 255;
 
 const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
                                            Operation::chunk_info, Operation::connection};
-/// Kinds of records that occur only outside chunks.
+/// Record types that never occur inside a chunk.
 const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
 const std::vector<Operation> kInChunks{Operation::message, Operation::connection};
 
-/// Zeroed memory. The kernel provides a page only when it is written to, so a size that is too
-/// large costs nothing. Throws std::bad_alloc.
+/// Allocates memory that is filled with zeros. The kernel provides a page only when it is written
+/// to, so it costs nothing if `size` is larger than needed. Throws std::bad_alloc.
 std::shared_ptr<char> zeroedMemory(std::size_t size) {
   std::shared_ptr<char> memory(static_cast<char*>(std::calloc(std::max<std::size_t>(size, 1), 1)),
                                std::free);
@@ -78,7 +79,7 @@ void BagFile::noteAt(std::size_t position, const std::string& what) {
   note(what + " at byte " + std::to_string(position));
 }
 
-/// Reads `size` bytes of the file, or fewer at its end.
+/// Reads `size` bytes from `position` on, or fewer at the end of the file.
 std::string BagFile::bytesAt(std::size_t position, std::size_t size) {
   std::string bytes(position < size_ ? std::min(size, size_ - position) : 0, '\0');
   file_.clear();
@@ -101,7 +102,7 @@ std::optional<Record> BagFile::recordAt(std::size_t position) {
 
 std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
                                                const std::vector<Operation>& kinds) {
-  constexpr std::size_t kOverlap = 8192;  // bytes; longer than any header that findRecord() finds
+  constexpr std::size_t kOverlap = 8192;  // bytes; longer than any header that findRecord() accepts
   for (std::size_t block = begin; block < size_; block += kSearchBlock) {
     const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
     const std::size_t beyond = size_ - block - bytes.size();
@@ -111,7 +112,7 @@ std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
   return std::nullopt;
 }
 
-// Functions that locate the records of the file
+// These functions find the records of the file.
 
 void BagFile::scan() {
   std::size_t position = std::strlen(kFirstLine);
@@ -126,7 +127,7 @@ void BagFile::scan() {
   checkAgainstInfos();
 }
 
-/// Reads a record and returns the position of the next record.
+/// Reads the record at `position` and returns the position of the next record.
 std::size_t BagFile::scanRecord(std::size_t position) {
   const auto record = recordAt(position);
   if (!record) return skipDamage(position);
@@ -165,7 +166,7 @@ std::size_t BagFile::skipDamage(std::size_t position) {
   const bool index_follows = next && next->operation == Operation::index;
   if (chunk_end_ == position && !chunks_.empty()) {
     chunks_.back().index_damaged = true;
-  } else if (index_follows) {  // add the lost chunk, since its index still lists its messages
+  } else if (index_follows) {  // add the lost chunk: its index still lists its messages
     chunks_.push_back({position, position, 0, 0, "none"});
   }
   if (index_follows) chunk_end_ = damage_end_;
@@ -186,7 +187,8 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
       noteAt(position, "a wrong size");
       chunk.stored_size = chunk.size;
     } else {
-      // Either the size of the chunk is wrong, or the record after the chunk is damaged.
+      // The size of the chunk is wrong, or the next record is damaged. The next intact record that
+      // cannot be inside a chunk tells which.
       const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
       if (found < chunk.stored_size) {
         noteAt(position, "damaged or cut off");
@@ -198,7 +200,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
   return chunk_end_ = chunk.data + chunk.stored_size;
 }
 
-/// Adds a message that is outside a chunk, or in a chunk whose beginning is lost.
+/// Adds a message that is not in a chunk, or whose chunk has lost its beginning.
 void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   const bool goes_on = !chunks_.empty() && chunk_end_ == begin && !chunks_.back().indexed;
   if (goes_on) {
@@ -210,9 +212,9 @@ void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   chunk_end_ = end;
 }
 
-/// Returns whether the record is a valid index of the previous chunk.
+/// Adds the index record to the last chunk. Returns false if it is not a valid index of that chunk.
 bool BagFile::addIndex(std::size_t position, const Record& record) {
-  constexpr std::size_t kEntry = 12;  // bytes of an entry: time, place in the chunk
+  constexpr std::size_t kEntry = 12;  // bytes of an entry: message time, position in the chunk
   const auto connection = number(record.fields, "conn");
   const auto count = number(record.fields, "count");
   const bool fits = count && record.data_size == kEntry * std::size_t{*count};
@@ -230,7 +232,7 @@ bool BagFile::addIndex(std::size_t position, const Record& record) {
 }
 
 void BagFile::addChunkInfo(std::size_t position, const Record& record) {
-  constexpr std::size_t kEntry = 8;  // bytes of an entry: connection, count
+  constexpr std::size_t kEntry = 8;  // bytes of an entry: connection, number of messages
   const auto low = number(record.fields, "chunk_pos");
   const auto high = number(record.fields, "chunk_pos", 4);
   const auto bytes = bytesAt(position + record.data, record.data_size);
@@ -276,7 +278,7 @@ void BagFile::checkAgainstHeader() {
     return;
   }
   const auto low = number(header_->fields, "index_pos");
-  if (low && *low == 0) return;  // an unfinished bag has no counts yet
+  if (low && *low == 0) return;  // an interrupted recording has no counts yet
   const auto is = [this](const char* name, std::size_t found) {
     const auto count = number(header_->fields, name);
     if (count && *count == found) return;
@@ -287,7 +289,8 @@ void BagFile::checkAgainstHeader() {
   is("conn_count", connections_.size());
 }
 
-/// Compares each chunk with its entry in the index at the end of the file.
+/// Compares each chunk with its entry in the index at the end of the file, and counts the messages
+/// that are missing.
 void BagFile::checkAgainstInfos() {
   constexpr std::size_t kLeastMessage = 32;  // bytes of the smallest message record
   std::map<std::size_t, Chunk*> at;
@@ -306,7 +309,8 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // Messages do not count as missing if their chunk is at another position than the index says.
+  // So far, the messages of a chunk that lies at another position than the index says are counted
+  // as missing. They were found, so subtract all messages that are there.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {
@@ -332,7 +336,7 @@ bool BagFile::agrees(const Chunk& chunk, const ChunkInfo& info) {
   return chunk.times.empty() || (info.start == first && info.end == last);
 }
 
-/// Rebuilds a missing or wrong index of a chunk from its messages.
+/// Reads the messages of a chunk to replace its missing or wrong index.
 void BagFile::indexFromMessages(Chunk& chunk) {
   Times times;
   const ChunkContents contents = read(chunk);
@@ -340,7 +344,7 @@ void BagFile::indexFromMessages(Chunk& chunk) {
     times[message.connection].push_back(message.time);
   }
   // If the old index lists more messages of a connection than the chunk contains, keep the old
-  // times, so that the lost messages are still counted as missing.
+  // times: the difference then counts as missing messages.
   for (const auto& of : chunk.times) {
     const bool is_connection = connections_.count(of.first) > 0;
     if (is_connection && of.second.size() > times[of.first].size()) times[of.first] = of.second;
@@ -350,7 +354,7 @@ void BagFile::indexFromMessages(Chunk& chunk) {
   chunk.indexed = true;
 }
 
-// Functions that read the messages of a chunk
+// These functions read the messages of a chunk.
 
 /// Decompresses a chunk into the memory of `contents`. Throws rosbag::BagException or
 /// std::bad_alloc.

@@ -31,18 +31,18 @@ namespace bag {
 /// The topic name with a leading slash and without double slashes, as `rosbag play` publishes it.
 std::string topicName(const std::string& written);
 
-/// A topic as a connection record of the bag describes it.
+/// A topic with its message type, as a connection record of the bag describes it.
 struct Topic {
   std::string name;  ///< see topicName()
   std::string type;
-  std::string md5sum{};  ///< checksum of the type's definition; a damaged bag may lack it
+  std::string md5sum{};  ///< checksum of the message definition; empty if damaged
   bool operator<(const Topic& other) const {
     return std::tie(name, type, md5sum) < std::tie(other.name, other.type, other.md5sum);
   }
 };
 
-/// Whether the topic's messages have the layout of `Message`. Compares the md5sums, as ROS nodes
-/// do, so tf/tfMessage counts as tf2_msgs/TFMessage.
+/// Returns true if the topic's messages have the layout of `Message`. Compares the md5sums, as ROS
+/// nodes do, so that tf/tfMessage is accepted as tf2_msgs/TFMessage.
 template <typename Message>
 bool isOf(const Topic& topic) {
   const bool is_known = topic.md5sum.size() == 32;
@@ -50,16 +50,16 @@ bool isOf(const Topic& topic) {
                   : topic.type == ros::message_traits::datatype<Message>();
 }
 
-/// The message times of each connection.
+/// The times of the messages of each connection. The key is the id of the connection.
 using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
 
 struct Chunk {
-  std::size_t position;     ///< byte in the file where the record begins
-  std::size_t data;         ///< byte in the file where the chunk's data begin
-  std::size_t stored_size;  ///< bytes of the data as stored in the file
-  std::size_t size;         ///< bytes of the uncompressed data, according to the record
+  std::size_t position;     ///< position of the chunk's record in the file, bytes
+  std::size_t data;         ///< position of the chunk's data in the file, bytes
+  std::size_t stored_size;  ///< size of the data in the file (compressed), bytes
+  std::size_t size;         ///< size of the uncompressed data, bytes, as the record says
   std::string compression;  ///< "none", "bz2" or "lz4"
-  Times times{};            ///< times of the messages, according to the index
+  Times times{};            ///< message times, as the index says
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -70,34 +70,35 @@ struct Message {
   std::string_view data;
 };
 
-/// A chunk in memory.
+/// The uncompressed data of a chunk.
 struct ChunkContents {
   std::shared_ptr<char> bytes;
   /// messages in the order of the file; the data of each message point into `bytes`
   std::vector<Message> messages;
 };
 
-/// Locates all records of a bag at once, but reads the messages chunk by chunk. Notes
-/// inconsistencies; after a damaged record, reading continues at the next intact record.
+/// A bag file. Finds all records at once, but reads the messages only chunk by chunk. Notes what is
+/// inconsistent. If a record is damaged, goes on with the next intact record.
 class BagFile {
  public:
-  /// Throws UnusableBag for a file that cannot be read or is not a bag of format 2.0.
+  /// Throws UnusableBag if the file cannot be read or is not a bag of format 2.0.
   explicit BagFile(const std::string& path);
 
   const std::vector<Chunk>& chunks() const { return chunks_; }
-  /// All connection records; in a damaged bag they may contradict each other.
+  /// The topics of each connection id. In a damaged bag, connection records may contradict each
+  /// other, so that an id has several topics.
   const std::map<std::uint32_t, std::set<Topic>>& connections() const { return connections_; }
   /// For each connection, the number of messages that the index lists but the file lacks.
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
-  /// Whether the file ends with its index; an interrupted recording has no index.
+  /// Returns true if the file ends with an index. An interrupted recording has none.
   bool hasIndex() const { return !infos_.empty(); }
-  /// Text for users about the problems found so far: describes the first few, and counts the
-  /// others.
+  /// Text for users about the problems found so far: describes the first few and says how many more
+  /// there are.
   std::string damage() const;
-  /// Adds a problem unless it was noted before.
+  /// Adds a problem to damage(), unless the same text was added before.
   void note(const std::string& what);
 
-  /// All readable messages of a chunk.
+  /// Reads all intact messages of a chunk.
   ChunkContents read(const Chunk& chunk);
 
  private:
@@ -132,15 +133,16 @@ class BagFile {
   std::ifstream file_;
   std::size_t size_ = 0;
   std::vector<Chunk> chunks_;
-  /// Position at which the next index record of the last chunk must begin.
+  /// Position where the last chunk ends, including its index records that were read so far. Its
+  /// next index record must begin here.
   std::size_t chunk_end_ = 0;
-  std::size_t damage_begin_ = 0;  ///< beginning of the damage that ends at `damage_end_`
+  std::size_t damage_begin_ = 0;  ///< where the damage begins that ends at `damage_end_`
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;
   std::map<std::uint32_t, std::set<Topic>> connections_;
   std::map<std::uint32_t, std::size_t> missing_;
   std::optional<Record> header_;
-  std::vector<std::string> noted_;  ///< texts of the first problems
+  std::vector<std::string> noted_;  ///< texts of the first few problems
   std::size_t noted_more_ = 0;
 };
 

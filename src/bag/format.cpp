@@ -6,10 +6,10 @@
 namespace ktgp_orb::bag {
 namespace {
 
-/// Bytes of a length field.
+/// Size of a length field, bytes.
 constexpr std::size_t kLength = 4;
-/// Bytes of the longest header that the search after damage accepts; nearly all headers are far
-/// shorter.
+/// Bytes; when searching for a record after damage, we accept only headers up to this size. Nearly
+/// all headers are far shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 
 std::optional<Operation> operationOf(const Fields& fields) {
@@ -18,8 +18,8 @@ std::optional<Operation> operationOf(const Fields& fields) {
   return static_cast<Operation>(op[0]);
 }
 
-/// Fast test whether a record may begin at `bytes`. Rejects nearly all positions at which no record
-/// begins.
+/// Fast test that rejects nearly all positions where no record begins. Returns true if a record may
+/// begin at `bytes`.
 bool mayBegin(const char* bytes) {
   const std::size_t header = numberAt(bytes);
   const std::size_t field = numberAt(bytes + kLength);
@@ -27,8 +27,8 @@ bool mayBegin(const char* bytes) {
          field + kLength <= header;
 }
 
-/// Removes and returns the element count at the beginning of an array; empty if the message is too
-/// short.
+/// Reads the number of elements at the beginning of a serialised array and removes it from
+/// `message`; empty if the message is too short.
 std::optional<std::size_t> takeCount(std::string_view& message) {
   if (message.size() < kLength) return std::nullopt;
   const std::size_t count = numberAt(message.data());
@@ -36,9 +36,9 @@ std::optional<std::size_t> takeCount(std::string_view& message) {
   return count;
 }
 
-/// Removes `parts` from the beginning of a serialised message. A positive part is a number of
-/// bytes; a part of -n is an array or a text with elements of n bytes. Returns false if the message
-/// is too short.
+/// Removes several fields from the beginning of a serialised message. `parts`: for each field, its
+/// size in bytes, or -n for an array (or a text) whose elements have n bytes. Returns false if the
+/// message is too short.
 bool take(const std::vector<int>& parts, std::string_view& message) {
   for (const int part : parts) {
     auto size = static_cast<std::size_t>(std::abs(part));
@@ -119,24 +119,24 @@ std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
 }
 
 bool isWellFormed(const std::string& type, std::string_view message) {
-  constexpr int kStamp = 12;  // seq and stamp of a header; frame_id follows
+  constexpr int kStamp = 12;  // bytes of seq and stamp; frame_id follows
   constexpr int kText = -1;
   constexpr int kDouble = 8;
   if (type == "sensor_msgs/Image") {
-    // height and width, encoding, is_bigendian and step, data
+    // After the header: height and width, encoding, is_bigendian and step, data.
     return take({kStamp, kText, 8, kText, 5, -1}, message) && message.empty();
   }
   if (type == "sensor_msgs/CompressedImage") {  // format, data
     return take({kStamp, kText, kText, -1}, message) && message.empty();
   }
   if (type == "sensor_msgs/CameraInfo") {
-    // height and width, distortion_model, D, K and R and P, binning, roi
+    // After the header: height and width, distortion_model, D, K and R and P, binning, roi.
     const int matrices = (9 + 9 + 12) * kDouble;
     return take({kStamp, kText, 8, kText, -kDouble, matrices, 8, 17}, message) && message.empty();
   }
   if (type != "tf2_msgs/TFMessage") return true;
   const auto count = takeCount(message);
-  // child_frame_id, translation and rotation
+  // A transform: header, child_frame_id, translation and rotation.
   const std::vector<int> transform{kStamp, kText, kText, 7 * kDouble};
   for (std::size_t left = count.value_or(0); left > 0; --left) {
     if (!take(transform, message)) return false;

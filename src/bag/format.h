@@ -10,16 +10,16 @@
 #include <string_view>
 #include <vector>
 
-/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length in the file is
-/// trusted. All bags are read by this code, since a damaged bag can crash librosbag; librosbag only
-/// writes bags and decompresses chunks.
+/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). This code trusts no length
+/// in the file. It reads all bags, because a damaged bag can crash librosbag; we use librosbag only
+/// to write bags and to decompress chunks.
 namespace ktgp_orb::bag {
 
-/// Kind of a record, from its field "op".
+/// Type of a record: the value of its field "op".
 enum class Operation : unsigned char {
   message = 2,
   file_header = 3,
-  index = 4,  ///< times and positions of the messages of one connection in the previous chunk
+  index = 4,  ///< times and positions of one connection's messages in the chunk before it
   chunk = 5,
   chunk_info = 6,
   connection = 7,
@@ -27,44 +27,45 @@ enum class Operation : unsigned char {
 
 using Fields = std::map<std::string, std::string>;
 
-/// A record without its data.
+/// The header of a record, and where its data are.
 struct Record {
   Operation operation;
   Fields fields;
-  std::size_t data;       ///< bytes from the beginning of the record to its data
-  std::size_t data_size;  ///< bytes of the data, according to the record; the file may have fewer
+  std::size_t data;       ///< position of the data, bytes from the record's beginning
+  std::size_t data_size;  ///< size of the data, bytes; the file may end before
 };
 
-/// Longest plausible header of a record, in bytes; a longer header counts as damage.
+/// Bytes; a record with a longer header is taken as damaged.
 constexpr std::size_t kLargestHeader = 1 << 20;
 
-/// Reads four bytes as a little-endian number, like all numbers of the format.
+/// Reads four bytes as a little-endian number; all numbers of the format are stored like this.
 std::uint32_t numberAt(const char* position);
-/// The number in four bytes of a field, from byte `offset` on; empty if the field is missing or
-/// short.
+/// The four-byte number that begins at byte `offset` of a field; empty if the field is missing or
+/// too short.
 std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
                                     std::size_t offset = 0);
-/// The time in a field of eight bytes; empty if the field is missing, short or invalid.
+/// The time in a field of eight bytes; empty if the field is missing, too short or invalid.
 std::optional<ros::Time> time(const Fields& fields, const std::string& name);
-/// The bytes of a field; empty if it is missing.
+/// The bytes of a field; an empty string if the field is missing.
 std::string text(const Fields& fields, const std::string& name);
 
-/// Parses name=value pairs, each preceded by its length; empty unless they fill the bytes exactly.
+/// Parses the fields of a record: name=value pairs, each with its length before it. Returns nothing
+/// unless the pairs fill the bytes exactly.
 std::optional<Fields> parseFields(std::string_view bytes);
 
-/// Parses the record at the beginning of the bytes; empty unless its header is complete and well
-/// formed.
+/// Parses the record at the beginning of the bytes. Returns nothing unless its header is complete
+/// and well formed.
 std::optional<Record> parseRecord(std::string_view bytes);
 
-/// Position of the first record at or after `begin` whose kind is in `kinds`; empty if there is
-/// none. `beyond`: number of bytes that the file has after `bytes`; the record's data must end
-/// within the file. Used to find the next intact record after damage.
+/// Finds the next intact record after damage: returns the position of the first record at or after
+/// `begin` whose type is in `kinds`; empty if there is none. The record's data must end within the
+/// file. `beyond`: number of bytes that the file has after `bytes`.
 std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
-/// Whether the array lengths in a message of this type fit its bytes. ROS does not check this
-/// before it allocates memory for an array. True for types without arrays and for types that this
-/// package does not read.
+/// Returns true if the lengths of the arrays in a message of this type fit its size. ROS does not
+/// check this before it allocates memory for an array. Also returns true for types that have no
+/// arrays or that this package does not read.
 bool isWellFormed(const std::string& type, std::string_view message);
 
 }  // namespace ktgp_orb::bag

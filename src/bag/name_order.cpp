@@ -12,14 +12,14 @@ namespace {
 
 struct Number {
   bool negative = false;
-  std::string whole;     ///< digits before the point, without leading zeros
+  std::string whole;     ///< digits before the point, leading zeros removed
   std::string fraction;  ///< digits after the point
 };
 
 struct Name {
   std::string file;
   std::string ending;
-  std::vector<std::string> texts;  ///< lower-case text before each number and after the last number
+  std::vector<std::string> texts;  ///< lower-case text before each number, and after the last
   std::vector<Number> numbers;
 };
 
@@ -27,7 +27,7 @@ bool isDigit(const std::string& text, std::size_t i) {
   return i < text.size() && std::isdigit(static_cast<unsigned char>(text[i])) != 0;
 }
 
-/// True for ASCII letters and digits, and for each byte of a non-ASCII letter.
+/// Returns true for ASCII letters and digits and for all bytes of non-ASCII characters.
 bool isLetter(char c) {
   const auto byte = static_cast<unsigned char>(c);
   return byte >= 0x80 || std::isalnum(byte) != 0;
@@ -43,8 +43,9 @@ std::string withoutZeros(const std::string& digits) {
   return digits.substr(std::min(digits.size(), digits.find_first_not_of('0')));
 }
 
-/// Removes a sign from the end of `before`, and returns whether it is a minus. A '-' is a sign only
-/// if no word or number ends before it: "-5", "t_-5", but not "img-5".
+/// Removes a sign from the end of `before`, the text before a number, and returns true if it is a
+/// minus. A '-' is a sign in "-5" and "t_-5", but not in "img-5", where it follows a word.
+/// `begins`: `before` is the beginning of the name.
 bool takeSign(bool begins, std::string& before) {
   if (before.empty() || (before.back() != '-' && before.back() != '+')) return false;
   if (before.size() == 1 && !begins) return false;
@@ -55,7 +56,7 @@ bool takeSign(bool begins, std::string& before) {
   return negative;
 }
 
-/// Applies an exponent, as in "1e-05", which Python writes for small decimals.
+/// Applies a negative exponent to the number, for example 1e-05, as Python writes small decimals.
 void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   constexpr std::size_t kMost = 40;
   if (text.compare(i, 2, "e-") != 0 || !isDigit(text, i + 2)) return;
@@ -69,12 +70,12 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// Many languages write decimals with a comma.
+/// Returns true for a decimal point. Many languages write a comma instead.
 bool isPoint(const std::string& text, std::size_t i) {
   return i < text.size() && (text[i] == '.' || text[i] == ',');
 }
 
-/// Whether the number is part of a row of three or more numbers separated by points, as in
+/// Returns true if the number is one of three or more numbers with points between them, as in
 /// "2024.01.02". Such numbers are counters, not decimals.
 bool isInDottedRow(const std::string& text, std::size_t begin, std::size_t end) {
   const bool before = begin >= 2 && isPoint(text, begin - 1) && isDigit(text, begin - 2);
@@ -130,13 +131,13 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
   return a.negative ? -order : order;
 }
 
-/// Whether the digits after the point are counters and not decimals. Compares the numbers at
-/// position `place` of all names.
+/// Returns true if the digits after the point are a counter and not decimals. Compares the numbers
+/// at position `place` in all names.
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
-  // Counters have no leading zeros, but a tenth of all decimals have a zero right after the point.
-  // Decimals of different lengths have no trailing zeros, but a tenth of all counters end with a
-  // zero. So they are counters if zeros at the end are more frequent than zeros at the front. Among
-  // kMany or more names, a single final zero may be an exception and is not enough.
+  // A counter has no leading zero, but one in ten decimals has a zero right after the point.
+  // Decimals that differ in length have no trailing zero, but one in ten counters ends with a zero.
+  // So the digits are counters if more of them end with a zero than begin with one. With kMany or
+  // more names, one final zero is not enough, because it may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;
@@ -182,7 +183,7 @@ void sortByNumbers(std::vector<std::string>& files) {
 
 std::vector<std::string> oddNames(const std::vector<std::string>& files) {
   constexpr std::size_t kFew = 4;
-  // A series of names is odd if it has one file, or at most 1 / kRare of all files.
+  // A series of names is odd if it has only one file, or at most 1 / kRare of all files.
   constexpr std::size_t kRare = 20;
   std::map<std::vector<std::string>, std::vector<std::string>> alike;
   for (Name& name : namesOf(files)) alike[std::move(name.texts)].push_back(name.file);

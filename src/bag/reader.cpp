@@ -18,7 +18,8 @@ bool isImage(const bag::Topic& topic) {
   return bag::isOf<sensor_msgs::Image>(topic) || bag::isOf<sensor_msgs::CompressedImage>(topic);
 }
 
-/// Whether a topic has images that cannot be read here: other transport or old message type.
+/// Returns true if the topic has images of a type that we cannot read: from another transport, or
+/// with an old message definition.
 bool isOtherImage(const bag::Topic& topic) {
   const bool is_named = topic.type.find("Image") != std::string::npos ||
                         topic.type.find("Packet") != std::string::npos;
@@ -220,7 +221,8 @@ void BagMessages::enqueue(std::size_t chunk) {
   }
 }
 
-/// Keeps the last few chunks in memory, since the messages of several chunks may alternate.
+/// Returns the messages of a chunk. Keeps the last few chunks in memory, because messages from
+/// several chunks may alternate in time.
 BagMessages::ContentsPtr BagMessages::contentsOf(std::size_t chunk) {
   constexpr std::size_t kKept = 4;
   for (const auto& kept : kept_) {

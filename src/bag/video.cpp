@@ -25,8 +25,8 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// Whether a file begins with `start`. Returns false for a pipe: reading from it here could block,
-/// and the later reader of the pipe would miss these bytes.
+/// Returns true if the file begins with the bytes `start`. Returns false for a pipe: reading from
+/// it could block, and the bytes would be lost for whoever reads the pipe later.
 bool beginsWith(const std::string& path, const std::string& start) {
   std::error_code none;
   if (!std::filesystem::is_regular_file(path, none)) return false;
@@ -35,7 +35,8 @@ bool beginsWith(const std::string& path, const std::string& start) {
   return first == start;
 }
 
-/// Stamp for a time in s, at least 1 ns: zero means "no time" in ROS and cannot be stored in a bag.
+/// Converts a time in seconds to a stamp of at least 1 ns, because zero means "no time" in ROS and
+/// cannot be stored in a bag.
 ros::Time stampOf(double seconds) {
   return std::max(ros::TIME_MIN, ros::Time(std::max(seconds, 0.0)));
 }
@@ -61,9 +62,9 @@ void refuseTopic(const std::string& path, const BagSelection& selection) {
                     "(--name sets the names of the output)");
 }
 
-/// Tries FFmpeg and GStreamer; cv::CAP_ANY would also try cameras and patterns. Suppresses the
-/// messages of OpenCV and FFmpeg about a file that is not a video, since the caller reports such a
-/// file.
+/// Opens the video with FFmpeg or GStreamer. Does not use cv::CAP_ANY, which would also try cameras
+/// and image patterns. Suppresses the messages of OpenCV and FFmpeg about a file that is not a
+/// video, because the caller reports it.
 bool opened(const std::string& path, cv::VideoCapture& video) {
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   const auto level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
@@ -72,8 +73,8 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
   return done;
 }
 
-/// Counts all images, including hidden images: if an MP4 or MOV was cut without re-encoding, it
-/// still contains images that players do not show. FFmpeg returns these images if an option is set,
+/// Counts all images of the video, including those that players do not show: an MP4 or MOV that was
+/// cut without re-encoding still contains such images. FFmpeg returns them only with an option,
 /// which OpenCV reads from the environment.
 std::size_t imagesIn(const std::string& path) {
   constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
@@ -134,20 +135,21 @@ class Video : public ImageSource {
   }
 
  private:
-  /// Whether the time of the last image is clearly below the video's length. Always true except for
-  /// Matroska: only Matroska needs this check, because it does not store the number of images.
-  /// OpenCV estimates it from the length and the usual rate, which is wrong if the rate varies.
+  /// Returns true if the last image comes clearly before the end of the video. Only Matroska files
+  /// are checked, because they do not store the number of images: OpenCV estimates the number from
+  /// the length and the usual rate, which is wrong if the rate varies. For other files, always
+  /// returns true.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
     return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
   }
 
-  /// Whether `images` is clearly below the number of images that the file declares. If the declared
-  /// number is only an estimate, it is slightly wrong, or far too high if the first image is late.
+  /// Returns true if `images` is clearly fewer than the file declares. Some files give only an
+  /// estimate: it may be slightly wrong, or far too high if the first image is late.
   bool isTooFew(std::size_t images) const {
     constexpr std::size_t kTolerance = 50;  // 1 / kTolerance of the images may be missing
-    constexpr std::size_t kMost = 100;  // a number more than kMost times too high is an estimate
+    constexpr std::size_t kMost = 100;  // if the declared number is kMost times too high, ignore it
     return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
   }
 
@@ -166,9 +168,9 @@ class Video : public ImageSource {
     return std::nullopt;
   }
 
-  /// Time of the image grabbed last, s. OpenCV gives no time for the last images of a video with
-  /// B-frames, and a repeated time would count as a repeated image. For such images, the usual step
-  /// is added to the time of the previous image.
+  /// Time in the video of the image that was grabbed last, s. For the last images of a video with
+  /// B-frames, OpenCV gives no time. We then add the usual step to the time of the previous image,
+  /// because an equal time would look like a repeated image.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
@@ -190,11 +192,12 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  // Times between the last few images, s. The initial value is used if the container gives no rate.
+  // Times between the last few images, s. The first value is used until times are known, or if the
+  // container gives none.
   std::deque<double> steps_{1.0 / 30.0};
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;
-  double last_ = 0.0;  // s, time of the image grabbed last
+  double last_ = 0.0;  // time of the last grabbed image, s
   std::size_t in_file_ = 0;
   std::size_t read_ = 0;
   bool is_matroska_;
@@ -212,7 +215,7 @@ std::vector<std::string> filesOf(const std::string& pattern) {
   return files;
 }
 
-/// Describes names that do not belong to one series; empty if there are none.
+/// Tells users which of the file names do not belong to the same series; empty if all do.
 std::string noteOnNames(const std::vector<std::string>& all) {
   const std::vector<std::string> two = bag::alternatingNames(all);
   if (!two.empty()) {

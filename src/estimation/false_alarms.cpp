@@ -12,13 +12,13 @@
 namespace ktgp_orb::estimation {
 namespace {
 
-/// Sets the bounds of one coordinate beyond which a point is a far outlier. They follow from the
-/// quartiles of at most 32 points, which are spread over the input. If the quartiles are equal, the
-/// bounds do not change.
+/// Sets the bounds of the coordinate `axis` beyond which a point is a far outlier. The bounds are
+/// computed from the quartiles of at most 32 points, taken evenly from `points`. If the two
+/// quartiles are equal, the bounds do not change.
 void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
                Eigen::AlignedBox2d& fences) {
   constexpr std::size_t kEnough = 32;
-  constexpr double kFarOut = 3.0;  // largest distance from the quartiles, in interquartile ranges
+  constexpr double kFarOut = 3.0;  // from a quartile to its bound, in interquartile ranges
   std::array<double, kEnough> sample{};
   const std::size_t stride = util::ceilDivide(points.size(), kEnough);
   std::size_t count = 0;
@@ -50,7 +50,7 @@ FalseAlarms::FalseAlarms(std::size_t sample_size, std::size_t pairs)
 }
 
 double FalseAlarms::next(double p) {
-  // When k grows by 1, C(N, k) C(k, m) is multiplied by (N - k) / (k + 1 - m).
+  // If k grows by 1, C(N, k) C(k, m) grows by the factor (N - k) / (k + 1 - m).
   log_subsets_ += std::log10((n_ - k_) / (k_ + 1.0 - m_));
   k_ += 1.0;
   return log_subsets_ + (k_ - m_) * std::log10(std::min(p, 1.0));

@@ -10,10 +10,10 @@ namespace ktgp_orb::estimation {
 
 namespace {
 
-/// An integer that sorts like `quality` rounded to single precision, which is precise enough to
-/// separate all ratios of Hamming distances.
+/// Converts `quality` to an integer with the same order. Rounds it to single precision first, which
+/// is precise enough to distinguish all ratios of Hamming distances.
 std::uint64_t sortKey(double quality) {
-  const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
+  const float single = static_cast<float>(quality) + 0.0F;  // the sum turns -0 into 0
   std::uint32_t bits = 0;
   std::memcpy(&bits, &single, sizeof bits);
   const bool negative = (bits >> 31) != 0;
@@ -22,8 +22,8 @@ std::uint64_t sortKey(double quality) {
 
 }  // namespace
 
-/// This radix sort begins with the lowest byte. It is stable, and several times faster than
-/// comparison sorts.
+/// Sorts with a radix sort that begins at the lowest byte. It is stable, and several times faster
+/// than a sort by comparisons.
 void QualityOrder::sort(const std::vector<double>& quality) {
   const std::size_t n = quality.size();
   keys_.resize(n);
@@ -54,7 +54,7 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  // The r samples for each new pair take at most 1 / kSteadyShare of the budget in total.
+  // The samples that each new pair gets (r) use at most 1 / kSteadyShare of the budget in total.
   constexpr double kSteadyShare = 4.0;
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
@@ -94,13 +94,14 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPsi = 0.05;
-/// The termination length is at least this many times the sample size, because a few pairs close
-/// together also agree with models that are wrong elsewhere.
+/// The termination length is at least this many times the sample size, because a few pairs that are
+/// close together also agree with a model that is wrong in the rest of the image.
 constexpr std::size_t kMinSamplesLong = 5;
 
-/// min_inliers[n] = m + the smallest j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
-/// step of n needs only two products, since j grows by at most one: P(X_{n+1} >= j) = P(X_n >= j) +
-/// beta P(X_n = j - 1).
+/// Sets min_inliers[n] = m + the smallest j with P(X_n >= j) < psi, for n = m..N (m: sample size,
+/// psi: kPsi). X_n is the number of chance inliers among the n - m pairs beyond the sample, each
+/// with probability beta. If n grows by one, j grows by at most one, so the sums of the binomial
+/// distribution need not be computed anew: P(X_{n+1} >= j) = P(X_n >= j) + beta P(X_n = j - 1).
 void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_t>& min_inliers) {
   const double odds = beta / (1.0 - beta);
   double j = 1.0;
@@ -119,7 +120,7 @@ void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_
   }
 }
 
-/// Probability that a sample has only inliers, if it is drawn from n pairs of which `inliers` are
+/// Probability that a sample drawn from n pairs has only inliers, if `inliers` of the n pairs are
 /// inliers.
 double goodSample(int sample_size, double inliers, double n) {
   double p = 1.0;

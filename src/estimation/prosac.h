@@ -11,14 +11,15 @@
 
 namespace ktgp_orb::estimation {
 
-/// The order in which PROSAC draws pairs, best quality first. Keeps its buffers.
+/// The pairs in the order of their quality, best first; PROSAC draws them in this order. Keeps its
+/// buffers.
 class QualityOrder {
  public:
   /// Sorts pairs by quality; smaller values are better. Pairs of equal quality keep the order of
   /// the input.
   void sort(const std::vector<double>& quality);
 
-  /// Index, in the input, of the pair at `place` in the order of quality.
+  /// Returns the index, in the input of sort(), of the pair at `place` in the order of quality.
   std::size_t operator[](std::size_t place) const { return keys_[place] & kIndexMask; }
   std::size_t size() const { return keys_.size(); }
 
@@ -42,26 +43,26 @@ void drawDistinct(std::size_t end, std::size_t first, util::Random& random, Pros
 /// 2).
 ///
 /// The growth function gives the number of samples after which the set grows beyond the best n
-/// pairs. The growth function of the paper is T_N C(n,m)/C(N,m), with each step rounded up to at
-/// least one sample. With a budget of T_N samples, the set never grows to the last pair, since the
-/// rounding adds N - m samples. This class uses
+/// pairs. For N pairs and a budget of T_N samples, the growth function of the paper is T_N
+/// C(n,m)/C(N,m), with each step rounded up to at least one sample. With this function the set
+/// never grows to the last pair within the budget, because the rounding adds N - m samples. This
+/// class uses
 ///
 ///   T'(n) = 1 + r (n - m) + T_N C(n,m)/C(N,m), r = min(1, budget / 4N), T'(N) = budget:
 ///
-/// Each new pair gets r samples; together they take at most a quarter of the budget. The rest of
-/// the budget is the T_N of the term from the paper. For every N, the last sample includes the last
-/// pair.
+/// Each new pair gets r samples; together they use at most a quarter of the budget. The rest of the
+/// budget is T_N in the last term. For every N, the last sample includes the last pair.
 class ProsacSampler {
  public:
   /// `sample_size`: m >= 1. `points`: N >= m. `budget`: maximum number of samples, >= 1.
   ProsacSampler(std::size_t sample_size, std::size_t points, int budget, std::uint64_t seed);
 
-  /// Reduces the budget by samples that were drawn elsewhere. The set then grows faster, so that
-  /// the last sample still includes the last pair.
+  /// Call this if `samples` samples were drawn elsewhere; they reduce the budget. The set then
+  /// grows faster, so that the last sample still includes the last pair.
   void spend(int samples) { spent_ += samples; }
 
-  /// Draws a sample of m indices. The set of pairs from which it draws does not grow beyond `limit`
-  /// (n* in the paper).
+  /// Draws a sample of m pairs. The set of pairs from which it draws does not grow beyond the best
+  /// `limit` pairs (n* in the paper).
   void draw(std::size_t limit, ProsacSample& sample);
 
   int drawn() const { return drawn_; }
@@ -69,7 +70,7 @@ class ProsacSampler {
   int left() const { return budget_ - spent_ - drawn_; }
   std::size_t growthSetSize() const { return growth_set_size_; }
 
-  /// Returns T'(n), for m <= n <= N.
+  /// Returns T'(n), the number of samples after which the set grows beyond n pairs; m <= n <= N.
   double samplesUntil(std::size_t n) const;
 
  private:
@@ -89,9 +90,11 @@ class ProsacSampler {
 /// Decides when PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). Two rules apply to the
 /// number of inliers I_n among the best n pairs, for every n:
 /// - non-randomness (Eq. 8, 9): the probability that a wrong model has I_n inliers must be below
-///   psi = 5 %, if each pair beyond the sample agrees with it by chance with probability beta;
-/// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, a better model in the
-///   best n pairs was missed with probability eta0. P_n: probability of an all-inlier sample.
+///   psi = 5 %. Each pair beyond the sample agrees with a wrong model by chance with probability
+///   beta;
+/// - maximality (Eq. 11, 12): after k_n = log(eta0) / log(1 - P_n) samples, the probability that a
+///   better model in the best n pairs was missed is eta0. P_n: probability that a sample from the
+///   best n pairs has only inliers.
 /// Of all n that pass the first rule, the termination length n* is the one with the smallest k_n.
 class ProsacStopping {
  public:
@@ -100,8 +103,8 @@ class ProsacStopping {
   /// `confidence`: 1 - eta0 in (0, 1).
   void reset(std::size_t sample_size, std::size_t points, double chance_inlier, double confidence);
 
-  /// Updates the rules with a new best model. `inlier`: whether each pair is an inlier of this
-  /// model, in order of quality.
+  /// Updates the rules with a new best model. `inlier`: for each pair, in order of quality, 1 if it
+  /// is an inlier of this model, else 0.
   void update(const std::vector<std::uint8_t>& inlier);
 
   /// The termination length n*; N before the first model.
@@ -124,20 +127,20 @@ struct ProsacRules {
   int max_iterations = 2000;    ///< maximum number of samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong model, in (0, 1)
-  int min_iterations = 0;  ///< minimum number of samples from the growing set, within the budget
+  int min_iterations = 0;  ///< minimum number of samples from the growing set, budget permitting
   std::uint64_t seed = 1;
 };
 
-/// Searches for the model with the least cost (Chum & Matas, "Matching with PROSAC", CVPR 2005)
-/// with local optimisation (Chum, Matas & Kittler, DAGM 2003). The geometry is in the problem,
-/// which provides:
+/// Searches for the model with the least cost, by PROSAC (Chum & Matas, "Matching with PROSAC",
+/// CVPR 2005) with local optimisation (Chum, Matas & Kittler, DAGM 2003). The class Problem knows
+/// the geometry and must provide:
 ///
 ///   using Model = …;                        the type of a model, copyable
 ///   std::size_t sampleSize() const;         number of pairs in a sample
 ///   std::size_t size() const;               number of pairs, sorted by quality, best first
 ///   void solve(sample, visit);              calls visit(model) for each model of a sample
-///   float cost(model, give_up) const;       MSAC cost; may stop at a sum above give_up
-///   bool refine(widening, model);           fits to pairs within widening * threshold
+///   float cost(model, give_up) const;       MSAC cost; may stop once it exceeds give_up
+///   bool refine(widening, model);           refits to the pairs within widening * threshold
 ///   std::size_t findInliers(model, inlier) const;
 ///
 /// Keeps its buffers.
@@ -172,7 +175,7 @@ class ProsacSearch {
 
   /// best(): the model with the least cost in the last run; valid only if run() returned true.
   /// iterations(): number of samples, both from the growing set and from the inliers. exhausted():
-  /// whether the budget was used up before the stopping rules were met.
+  /// true if the budget was used up before the stopping rules were met.
   const Model& best() const { return best_; }
   int iterations() const { return iterations_; }
   bool exhausted() const { return exhausted_; }
@@ -195,7 +198,7 @@ class ProsacSearch {
   }
 
   /// Local optimisation: refits the model to its inliers, first with twice the inlier threshold and
-  /// then two times with the threshold itself.
+  /// then twice with the threshold itself.
   void polish() {
     Model candidate = best_;
     for (const double widening : {2.0, 1.0, 1.0}) {
@@ -226,11 +229,12 @@ class ProsacSearch {
     }
   }
 
-  /// Second part of local optimisation: draws samples from the inliers only. The model of a sample
-  /// with one wrong pair often agrees with only some right pairs, and least squares does not find
-  /// the others. The model of a sample of right pairs does. Returns true if a sample gave a better
-  /// model. Samples of inliers say nothing about the other pairs, so they count towards the budget
-  /// but not towards maximality. They use at most half of the remaining budget.
+  /// Second part of local optimisation: draws samples from the inliers only. If one pair of the
+  /// sample was wrong, the model often agrees with only some of the right pairs, and least squares
+  /// does not find the others. A model from a sample of right pairs does find them. Returns true if
+  /// a sample gave a better model. Samples of inliers say nothing about the other pairs, so they
+  /// count towards the budget but not towards maximality. They use at most half of the budget that
+  /// is left.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);
@@ -247,7 +251,7 @@ class ProsacSearch {
     return improved;
   }
 
-  Problem* problem_ = nullptr;  // problem of the run
+  Problem* problem_ = nullptr;  // problem of the present run
   util::Random random_{0};      // random numbers for sampleSupport()
   Model best_{};
   float best_cost_ = 0.0F;

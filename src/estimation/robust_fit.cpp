@@ -28,7 +28,7 @@ void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacob
 }
 
 Information inverseOf(const util::SmallRef& squares) {
-  // A pivot below this share of the largest pivot is a rounding error.
+  // A pivot that is smaller than this share of the largest pivot is only a rounding error.
   constexpr double kSingular = 1e-14;
   const Eigen::Index p = squares.rows();
   const Eigen::LDLT<Information> ldlt(squares);
@@ -67,8 +67,9 @@ double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weig
   const double d = weights.dimensions();
   const double n = static_cast<double>(weights.size());
   const double mean2 = std::pow(sums.derivative / n, 2);
-  // The derivative of t e with respect to e is t (2q - 1) along e and t across e, with q = t f / (f
-  // + d), where f is kStudentFreedom.
+  // e: residual of a measurement; t: its Student weight (`student`); f: kStudentFreedom. The
+  // derivative of t e with respect to e is t (2q - 1) in the direction of e, and t perpendicular to
+  // it, where q = t f / (f + d).
   double squares = 0.0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const double student = weights.weight[i] / weights.factor[i];

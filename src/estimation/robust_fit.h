@@ -13,30 +13,31 @@ namespace ktgp_orb::estimation {
 
 /// Maximum number of parameters of a fit: the eight entries of a homography.
 inline constexpr int kMostParameters = 8;
-/// A symmetric matrix and a vector with a row for each parameter, both without heap memory. All
+/// A symmetric matrix and a vector, with a row for each parameter; neither uses heap memory. All
 /// problems use these two types, so that the functions below are compiled only once.
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                   kMostParameters, kMostParameters>;
 using Step = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostParameters, 1>;
 
-/// Sums over the measurements at one state. e: residuals of a measurement. J: Jacobian of e with
-/// respect to the step. w = t c: weight of the measurement, where t is the weight of Student's
-/// distribution and c the given factor (see RobustWeights).
+/// Sums over all measurements, for one state of the fit. e: residuals of a measurement. J: Jacobian
+/// of e with respect to the step. w = t c: weight of the measurement, where t is the weight from
+/// Student's distribution (studentWeight) and c is the factor from RobustWeights::setFactors().
 struct NormalEquations {
   Information squares;      ///< normal matrix: sum of J' w J
   Step gradient;            ///< sum of J' w e
   double weight = 0.0;      ///< sum of w
-  double derivative = 0.0;  ///< sum of c d(t e)/de, averaged over e's directions; see findStep()
-  double square = 0.0;      ///< sum of c t² e², see meanSquare()
+  double derivative = 0.0;  ///< sum of c d(t e)/de, averaged over all directions of e
+  double square = 0.0;      ///< sum of c t² e²; see meanSquare()
   double cost = 0.0;        ///< sum of w e²
-  /// Sum of w e² for the present errors and the weights of the previous state.
+  /// Sum of w e² with the errors of this state, but the weights w of the previous state.
   double former_cost = 0.0;
 };
 
 struct FitRules {
   int most_steps = 30;
   double converged = 1e-5;  ///< the fit ends when no entry of a step is larger than this
-  /// Largest allowed entry of a step. A longer step is computed again with more damping.
+  /// Limit for the entries of a step. If an entry is larger, the step is computed again with more
+  /// damping.
   double longest = std::numeric_limits<double>::infinity();
   double least_scale = 0.0;  ///< lower limit of the scale of the errors
   double first_damping = 0.0;
@@ -46,30 +47,31 @@ struct FitRules {
 
 enum class FitEnd { undetermined, most_steps, converged };
 
-/// Solves s (J'wJ + damping diag(J'wJ)) d = -J'we for the step d, where s = derivative / weight.
-/// Returns false if d is not determined or is longer than the rules allow. The factor s turns J'wJ
-/// into the second derivative of the likelihood. Without it each step would be too short, since the
-/// weights fall as the errors grow.
+/// Solves s (J'wJ + damping diag(J'wJ)) step = -J'we for `step`. J'wJ and J'we are `squares` and
+/// `gradient` of `sums`, and s = derivative / weight. Returns false if the step is not determined
+/// or is longer than the rules allow. The factor s turns J'wJ into the second derivative of the
+/// likelihood. Without it each step would be too short, since the weights fall as the errors grow.
 bool findStep(const NormalEquations& sums, double damping, const FitRules& rules, Step& step);
 
-/// Fits a state by maximum likelihood for errors with Student's t distribution. Each
-/// Levenberg-Marquardt step has new weights and a new scale. If the problem leaves the weights
-/// empty, the fit is least squares. The geometry is in the problem, which provides:
+/// Fits a state by maximum likelihood for errors with Student's t distribution. Before each
+/// Levenberg-Marquardt step, the weights and the scale are computed again. If the problem leaves
+/// the weights empty, the fit is plain least squares. The class Problem knows the geometry and must
+/// provide:
 ///
 ///   using State = …;                                   the estimated value
 ///   State moved(const State&, const Step&) const;      the state after a step; a step has
 ///                                                      entries of the order of 1
 ///   void linearise(const State&, RobustWeights&, NormalEquations&);
 ///
-/// linearise() writes errors, weights and sums of one state; lineariseEach() does so for problems
-/// that evaluate one measurement at a time. Keeps its buffers.
+/// linearise() computes the errors, the weights and the sums for a state. A problem that can
+/// evaluate one measurement at a time calls lineariseEach() for this. Keeps its buffers.
 template <typename Problem>
 class RobustFit {
  public:
   using State = typename Problem::State;
 
-  /// The weights. The caller resets them before a fit. After minimise() they belong to the fitted
-  /// state.
+  /// The weights. The caller must reset them before a fit. After minimise(), they are the weights
+  /// at the fitted state.
   RobustWeights& weights() { return weights_; }
   const RobustWeights& weights() const { return weights_; }
   const NormalEquations& sums() const { return sums_; }
@@ -85,7 +87,7 @@ class RobustFit {
 
   /// Fits `state`, starting with the current scale of the errors.
   FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
-    // Least damping after a step that did not reduce the cost.
+    // After a step that did not reduce the cost, the damping is at least this.
     constexpr double kLeastDamping = 1e-4;
     constexpr double kMostDamping = 1e12;  // with more damping, no step reduces the cost
     problem.linearise(state, weights_, sums_);
@@ -121,12 +123,14 @@ class RobustFit {
   Step step_;
 };
 
-/// Sets the sums for plain least squares, for use in linearise(). `residual` has the covariance I.
-/// `jacobian`: Jacobian of the residual with respect to the step.
+/// Sets `sums` for plain least squares; a problem calls it in linearise(). `residual`: all
+/// residuals in one vector, scaled so that their covariance is the identity. `jacobian`: Jacobian
+/// of `residual` with respect to the step.
 void setLeastSquares(const util::SmallRef& residual, const util::SmallRef& jacobian,
                      NormalEquations& sums);
 
-/// linearise() for a problem that evaluates one measurement at a time:
+/// Does the work of linearise() for a problem that evaluates one measurement at a time. The problem
+/// must provide:
 ///
 ///   static constexpr int kResiduals, kParameters;      kParameters: at most kMostParameters
 ///   void evaluate(std::size_t i, const State&, Residual&, Jacobian&) const;
@@ -152,8 +156,9 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // t = `student` is the weight of the residual e. The derivative of t e with respect to e is
-    // t (2q - 1) along e and t across e, with q = t f / (f + kResiduals), f = kStudentFreedom.
+    // e: residual of the measurement; t: its Student weight (`student`); f: kStudentFreedom. The
+    // derivative of t e with respect to e is t (2q - 1) in the direction of e, and t perpendicular
+    // to it, where q = t f / (f + kResiduals).
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

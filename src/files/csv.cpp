@@ -23,7 +23,7 @@ CsvRow& CsvRow::add(double number, int digits) {
 }
 
 CsvRow& CsvRow::add(const Eigen::Matrix3d& matrix) {
-  constexpr int kExact = 17;  // number of digits that is enough to reproduce every double
+  constexpr int kExact = 17;  // this many digits reproduce every double exactly
   for (int i = 0; i < 9; ++i) add(matrix(i / 3, i % 3), kExact);
   return *this;
 }

@@ -7,10 +7,11 @@
 
 namespace ktgp_orb::files {
 
-/// Names of the columns for a homography.
+/// Names of the columns for a homography: its elements, row by row.
 constexpr const char* kHomographyColumns = "h00,h01,h02,h10,h11,h12,h20,h21,h22";
 
-/// A row of a table as text (RFC 4180): a field with a comma, a quote or a line break is in quotes.
+/// Builds a row of a table as text (csv, RFC 4180). A field that contains a comma, a quote or a
+/// line break is put in quotes.
 class CsvRow {
  public:
   CsvRow& add(const std::string& text);
@@ -19,7 +20,7 @@ class CsvRow {
   CsvRow& add(Integer number) {
     return addField(std::to_string(number));
   }
-  /// Adds the nine elements row by row, without any rounding.
+  /// Adds the nine elements row by row, with enough digits to be exact.
   CsvRow& add(const Eigen::Matrix3d& matrix);
   /// Adds `fields` empty fields.
   CsvRow& skip(std::size_t fields);

@@ -19,7 +19,7 @@
 namespace ktgp_orb::files {
 namespace {
 
-/// The first `most` bytes of a file, or all bytes of a shorter file.
+/// The first `most` bytes of a file, or all bytes if the file is shorter.
 std::string firstBytes(const std::string& file, std::size_t most) {
   std::ifstream in(file, std::ios::binary);
   std::string bytes(most, '\0');
@@ -28,7 +28,7 @@ std::string firstBytes(const std::string& file, std::size_t most) {
   return bytes;
 }
 
-/// All bytes of a JPEG or PNG, so that they can be checked for damage; empty for other files.
+/// Reads a whole JPEG or PNG, so that it can be checked for damage; empty for other files.
 std::string checkedBytes(const std::string& file) {
   if (!isCutOff(firstBytes(file, 8))) return {};  // neither a JPEG nor a PNG
   std::ifstream in(file, std::ios::binary);
@@ -42,7 +42,7 @@ constexpr char kJpegXl[] = "is a JPEG XL picture; convert it to PNG, for example
 constexpr char kCameraRaw[] = "is a raw picture of a camera; develop it as PNG or TIFF";
 constexpr char kRos2[] = "is a recording of ROS 2; convert it to a bag with rosbags-convert";
 
-/// A file format whose files contain `bytes` at position `at`.
+/// A file format, recognised by the `bytes` at position `at` of the file.
 struct KnownFormat {
   std::size_t at;
   std::string_view bytes;
@@ -74,7 +74,7 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
-/// Replaces the values stored under transparent pixels, which are not part of the picture.
+/// Replaces the values of transparent pixels: they are arbitrary, because nobody sees them.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
   cv::Mat opacity;
@@ -89,7 +89,7 @@ void hideTransparent(const std::string& file, cv::Mat& picture) {
   util::fillHidden(visible, picture);
 }
 
-/// Whether the picture has 8 or 16 bits per channel.
+/// Returns true if the picture has 8 or 16 bits per channel.
 bool isUsual(const cv::Mat& picture) {
   return picture.depth() == CV_8U || picture.depth() == CV_16U;
 }
@@ -117,7 +117,7 @@ std::string unreadableFormat(const std::string& file) {
 }
 
 void requireRegularFile(const std::string& file) {
-  std::error_code none;  // an invalid name counts as a missing file
+  std::error_code none;  // ignored: an invalid name counts as a missing file
   const std::filesystem::file_status status = std::filesystem::status(file, none);
   if (!std::filesystem::exists(status)) throw FileError(file, "is missing");
   if (!std::filesystem::is_regular_file(status)) throw FileError(file, "is not a regular file");
@@ -133,8 +133,8 @@ cv::Mat readPicture(const std::string& file, int flags) {
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);
-    // OpenCV cannot convert some floating-point pictures. Read them unchanged; the check of the
-    // depth below then refuses them.
+    // OpenCV cannot convert some floating-point pictures. Read such a picture unchanged, so that
+    // the check below can refuse it because of its depth.
     if (picture.empty()) {
       const cv::Mat as_it_is = cv::imread(file, cv::IMREAD_UNCHANGED);
       if (!isUsual(as_it_is)) picture = as_it_is;

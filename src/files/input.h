@@ -7,32 +7,34 @@
 
 namespace ktgp_orb::files {
 
-/// A file that cannot be read, parsed or written. The message begins with the printable file name.
+/// A file could not be read, parsed or written. The message begins with the name of the file, made
+/// printable.
 class FileError : public std::runtime_error {
  public:
   FileError(const std::string& file, const std::string& what);
 };
 
-/// Throws FileError if the file does not exist or is not a regular file: reading a pipe or a
-/// terminal could block.
+/// Throws FileError if the file does not exist or is not a regular file, because reading a pipe or
+/// a terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// Looks at the first bytes of a file that the libraries here cannot read. Returns the kind of the
-/// file and the remedy: "is a HEIC picture; convert it ...". Empty if the kind is unknown.
+/// Call this if a file could not be read. Recognises its format by its first bytes and says what
+/// the user can do: "is a HEIC picture; convert it ...". Empty for unknown formats.
 std::string unreadableFormat(const std::string& file);
 
-/// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. The package reads
-/// every picture with this function. Throws FileError, also for a JPEG or PNG that is cut off. Also
-/// refuses other depths (float, 32 bits), because it is unknown which values mean black and white.
-/// Transparent pixels are filled with a smooth continuation of the visible pixels, unless `flags`
-/// is cv::IMREAD_UNCHANGED.
+/// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. All pictures of this
+/// package are read with this function. Throws FileError if the picture cannot be read, if a JPEG
+/// or PNG is cut off, and for other depths (float, 32 bits), because nobody knows which of their
+/// values mean black and white. Fills transparent pixels smoothly from the visible pixels around
+/// them, unless `flags` is cv::IMREAD_UNCHANGED.
 cv::Mat readPicture(const std::string& file, int flags);
 
-/// Reads a picture as 8-bit grey; 16-bit pictures are converted as in the nodelet
+/// Reads a picture as 8-bit grey. 16-bit pictures are stretched to 8 bits as in the nodelet
 /// (util::stretchTo8Bit).
 cv::Mat readGrey(const std::string& file);
 
-/// Reads a picture for drawing on it: BGR if the file has 8-bit colours, else 8-bit grey.
+/// Reads a picture for drawing on it: as BGR if the file has 8-bit colours, otherwise as 8-bit
+/// grey.
 cv::Mat readForView(const std::string& file);
 
 /// Reads a homography from text: nine numbers, row by row, separated by white space (the format of

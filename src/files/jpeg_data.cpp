@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstdio>  // jpeglib.h needs FILE
 
-// jpeglib.h comes before jerror.h, which uses its macros.
+// Include jpeglib.h first: jerror.h uses its macros.
 #include <jpeglib.h>
 
 #include <jerror.h>
@@ -13,7 +13,8 @@
 namespace ktgp_orb::files {
 namespace {
 
-/// Whether a corner of the picture has exactly the grey with which decoders fill missing data.
+/// Returns true if a corner of the picture has exactly the grey with which decoders fill missing
+/// data.
 bool hasGreyCorner(const cv::Mat& picture) {
   constexpr std::uint8_t kFilled = 128;
   if (picture.empty() || picture.depth() != CV_8U) return false;
@@ -27,7 +28,8 @@ bool hasGreyCorner(const cv::Mat& picture) {
   return false;
 }
 
-/// libjpeg's error handler. Its first member is what libjpeg knows of it.
+/// libjpeg's error handler with our own fields. `base` must be the first member: libjpeg only has a
+/// pointer to it, and errorsOf() casts this pointer back to Errors.
 struct Errors {
   jpeg_error_mgr base{};
   std::jmp_buf end{};
@@ -38,7 +40,8 @@ Errors& errorsOf(j_common_ptr jpeg) {
   return *reinterpret_cast<Errors*>(jpeg->err);
 }
 
-/// Other warnings, such as extra bytes between the markers, do not mean that pixels are missing.
+/// Called by libjpeg for messages. Remembers only the warnings that mean missing pixels; others are
+/// harmless, such as extra bytes between the markers.
 void emitMessage(j_common_ptr jpeg, int level) {
   constexpr int kWarning = -1;
   if (level != kWarning) return;
@@ -47,13 +50,13 @@ void emitMessage(j_common_ptr jpeg, int level) {
   }
 }
 
-/// libjpeg requires that this function does not return.
+/// Called by libjpeg for errors. libjpeg requires that this function does not return.
 [[noreturn]] void exitOnError(j_common_ptr jpeg) {
   std::longjmp(errorsOf(jpeg).end, 1);
 }
 
-/// Decodes an eighth of the picture: the compressed data are read whole, and the pixels cost
-/// little.
+/// Decodes the picture at an eighth of its size, to make libjpeg read all compressed data. At this
+/// size, computing the pixels costs little.
 void decode(jpeg_decompress_struct& jpeg) {
   jpeg.scale_num = 1;
   jpeg.scale_denom = 8;
@@ -74,13 +77,13 @@ bool lacksData(std::string_view bytes, const cv::Mat& picture) {
   jpeg.err = jpeg_std_error(&errors.base);
   errors.base.emit_message = emitMessage;
   errors.base.error_exit = exitOnError;
-  // Nothing between setjmp and longjmp has a destructor. OpenCV has decoded the picture, so an
-  // error means that libjpeg does not know its kind.
+  // longjmp skips destructors, but no object between here and there has one. If libjpeg reports an
+  // error, it does not know this kind of JPEG, because OpenCV has decoded the picture.
   if (setjmp(errors.end) == 0) {
     jpeg_create_decompress(&jpeg);
     jpeg_mem_src(&jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
     jpeg_read_header(&jpeg, TRUE);
-    // Without its last scans, a progressive JPEG is blurred and has no grey.
+    // A progressive JPEG without its last scans is blurred instead of grey, so always decode it.
     if (jpeg.progressive_mode || hasGreyCorner(picture)) decode(jpeg);
   }
   jpeg_destroy_decompress(&jpeg);

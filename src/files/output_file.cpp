@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The path with all symbolic links resolved, including links to missing files.
+/// The absolute path with all symbolic links resolved, even links to files that do not exist.
 fs::path resolved(const std::string& path) {
   std::error_code error;
   fs::path target = fs::absolute(path, error);
@@ -41,7 +41,7 @@ bool isSameFile(const std::string& a, const std::string& b) {
          (fs::exists(a, none) && fs::exists(b, none) && fs::equivalent(a, b, none));
 }
 
-/// The ending of the file name in lower case, for example ".png" of "Map.PNG".
+/// The extension of the file name in lower case, for example ".png" for "Map.PNG".
 std::string endingOf(const std::string& path) {
   std::string ending = fs::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
@@ -53,18 +53,19 @@ bool isSameNode(const struct stat& a, const struct stat& b) {
   return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
-/// Creates and locks a file, or locks and empties an existing file that no program has locked.
-/// Returns -1 on failure. errno is EEXIST if the name is taken, for example by a link or by a file
-/// of another program.
+/// Creates and locks a file. If the file exists and no program has locked it, locks and empties it.
+/// Returns its descriptor, or -1 on failure. errno is EEXIST if the name is taken, for example by a
+/// link or by a file of another program.
 int lockedFile(const std::string& name) {
   int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   const bool is_new = file >= 0;
   if (!is_new && errno != EEXIST) return -1;
   if (!is_new) file = open(name.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  // On a file system without locks, only a file that we just created is ours.
+  // Some file systems have no locks. There we use the file only if we have just created it.
   const bool is_locked =
       file >= 0 && (flock(file, LOCK_EX | LOCK_NB) == 0 || (is_new && errno != EWOULDBLOCK));
-  // Another process may have renamed or removed the file before we got the lock.
+  // Another process may have renamed or removed the file before we locked it, so check that the
+  // name still belongs to this file.
   struct stat opened, named;
   const bool is_ours = is_locked && fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 &&
                        isSameNode(opened, named) && S_ISREG(opened.st_mode) &&
@@ -75,19 +76,19 @@ int lockedFile(const std::string& name) {
   return -1;
 }
 
-/// Renames a file atomically, but only if the new name does not exist. Sets errno on failure.
+/// Renames a file atomically, but fails if the new name exists. Sets errno on failure.
 bool renameToNew(const char* from, const char* to) {
-  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc defines
+  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE; some libcs do not define it
   if (syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, kNoReplace) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
-  // File systems without RENAME_NOREPLACE, such as NFS, can create hard links.
+  // Some file systems, such as NFS, do not support RENAME_NOREPLACE, but they have hard links.
   if (link(from, to) != 0) return false;
   unlink(from);
   return true;
 }
 
-/// A temporary name beside the file. The name keeps the ending, since some libraries choose the
-/// format by the ending.
+/// A temporary name in the same folder. It keeps the extension, because some libraries choose the
+/// format by it.
 std::string unfinishedName(const fs::path& target, int number) {
   const std::string name =
       target.stem().string() + ".unfinished" + std::to_string(number) + target.extension().string();
@@ -96,8 +97,9 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// The temporary name that a killed program left as a second name of the file. Empty if there is no
-/// second name, or if the program is still running.
+/// If a program was killed while it named its files, the file still has a temporary name besides
+/// its final name. Returns this temporary name; empty if there is none, or if that program is still
+/// running.
 std::string leftName(const std::string& target) {
   struct stat file, other;
   if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
@@ -112,17 +114,17 @@ std::string leftName(const std::string& target) {
   return {};
 }
 
-/// Throws FileError with the message of the current errno.
+/// Throws FileError with the text of errno.
 [[noreturn]] void fail(const std::string& path) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
 
-/// Flushes a file or folder to the disk; returns false and sets errno if that fails.
+/// Flushes a file or folder to the disk. Returns false and sets errno on failure.
 bool synchronised(const std::string& path, int flags) {
   const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) return false;
   const bool done =
-      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: the file system does not support fsync
+      fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: no fsync on this file system
   const int error = errno;
   close(descriptor);
   errno = error;
@@ -140,7 +142,8 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    // Do not count the option that gives this output itself. `own` stays 0 if no option gives it.
+    // One option may have this value: the option that gives this output. `own` stays 0 if the
+    // output is not the value of an option.
     if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
@@ -214,9 +217,9 @@ OutputFile::~OutputFile() {
   if (lock_ >= 0) close(lock_);
 }
 
-/// Gives the file its final name as a second link; the temporary name stays until all files of the
-/// run have their final names. If the file replaces another file or linking fails, renames it
-/// instead.
+/// Gives the file its final name, as a hard link. The temporary name stays until all files of the
+/// run have their final names. Renames the file instead if it replaces another file or if linking
+/// fails.
 void OutputFile::place() {
   if (link(unfinished_.c_str(), target_.c_str()) == 0) {
     is_placed_ = true;
@@ -247,7 +250,8 @@ void OutputFile::finish() {
   synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
 }
 
-// First flushes the contents: otherwise a power cut could leave the name but not the contents.
+// Flushes the contents before the names are changed: otherwise, after a power cut, the disk might
+// have the final name but not the contents.
 void OutputFile::commit(const std::vector<OutputFile*>& files) {
   for (const OutputFile* file : files) {
     if (!synchronised(file->unfinished_, O_RDONLY)) fail(file->path_);
@@ -258,7 +262,8 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // Remove the temporary name of the last file first: when it is gone, the run counts as complete.
+  // Remove the temporary names in reverse order, the last file's first: once that one is gone,
+  // isInterrupted() calls the run complete.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

@@ -9,24 +9,25 @@
 namespace ktgp_orb::files {
 
 /// Checks the files that a program reads and writes before the program begins its work. Refuses an
-/// output if it exists (unless `force`), is not a regular file, is the value of another option, is
-/// an input or another output (after following links), or cannot be created.
+/// output file that exists (unless `force`), is not a regular file, cannot be created, is also the
+/// value of another option, or is the same file as an input or another output, even by links.
 class OutputPlan {
  public:
-  /// Options of the command line, each with its value.
+  /// The names and values of the options on the command line.
   using Given = std::vector<std::pair<std::string, std::string>>;
 
   /// `given`: all options of the command line, so that no option that reads a file is forgotten.
-  /// Values that are not files do no harm.
+  /// Values that are not file names do no harm.
   OutputPlan(bool force, Given given) : force_(force), given_(std::move(given)) {}
 
-  /// Registers an input that is not the value of an option, but comes from a list or a pattern.
+  /// Registers an input file that is not itself the value of an option, but comes from a list or a
+  /// pattern.
   void read(const std::string& input);
-  /// Checks and registers an output; "-" is the standard output, and an empty path is ignored.
+  /// Checks and registers an output file. "-" means the standard output; an empty path is ignored.
   /// Throws FileError.
   void write(const std::string& output);
   /// Like write(), but for a picture or a video. Also throws FileError if the file name has no
-  /// ending or one that cannot be written.
+  /// extension, or an extension whose format we cannot write.
   void writeImage(const std::string& output);
   void writeVideo(const std::string& output);
 
@@ -40,19 +41,20 @@ class OutputPlan {
 };
 
 /// An output file that is written under a temporary name and gets its final name only when it is
-/// complete and on the disk. A temporary file left by a killed program is used again; a lock
-/// distinguishes it from a file that another program is writing.
+/// complete and on the disk. If a killed program has left a temporary file, its name is used again.
+/// A program locks the file that it is writing, so that other programs do not take it for such a
+/// leftover.
 class OutputFile {
  public:
-  /// `force`: the output may replace a file. Throws FileError if the file cannot be written.
+  /// `force`: replace the file if it exists. Throws FileError if the file cannot be written.
   OutputFile(const std::string& path, bool force);
-  /// Removes the file unless it was committed.
+  /// Removes the temporary file unless commit() was called.
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
   const std::string& path() const { return path_; }
-  /// The temporary path. Write the file there before commit().
+  /// The temporary path. The caller writes the file there and then calls commit().
   const std::string& unfinished() const { return unfinished_; }
   /// Gives the file its final name. Throws FileError, for example if the name exists and `force` is
   /// false.
@@ -65,32 +67,35 @@ class OutputFile {
   void takeBack() noexcept;
   void finish();
 
-  std::string path_;  ///< path as the caller gave it
+  std::string path_;  ///< the path that the caller gave
   bool force_;
-  std::string target_;  ///< path with links resolved
+  std::string target_;  ///< the same path with links resolved
   std::string unfinished_;
-  int lock_ = -1;           ///< descriptor of the locked file
-  bool is_placed_ = false;  ///< the final name exists and is new, so takeBack() can remove it
+  int lock_ = -1;           ///< descriptor of the temporary file, which is locked
+  bool is_placed_ = false;  ///< final name given to a new file; takeBack() removes it
 };
 
-/// The output files of a run, which get their final names together at its end. If the program is
-/// killed while it names the files, a file that already has its final name still has its temporary
-/// name, too. isInterrupted() detects this leftover name, and the next run may replace the file
+/// All output files of a run. They get their final names together at the end of the run. If the
+/// program is killed while it names them, a file that already has its final name also has its
+/// temporary name still. isInterrupted() detects this, and the next run may replace the file
 /// without --force.
 class Outputs {
  public:
   explicit Outputs(bool force) : force_(force) {}
 
-  /// Adds a file to write; the destructor removes it unless it was committed. Throws FileError.
+  /// Adds a file that the caller will write. The destructor removes it unless it was committed.
+  /// Throws FileError.
   OutputFile& add(const std::string& path);
-  /// Marks the file as complete. commit() names the files in the order of their completion.
+  /// Marks the file as complete. commit() names the files in the order in which they were
+  /// completed.
   void complete(OutputFile& file) { complete_.push_back(&file); }
-  /// The next two functions write a file and mark it as complete, or throw FileError. writeText()
-  /// can also write to the standard output.
+  /// These two functions write a file and mark it as complete, or throw FileError. writeText()
+  /// writes to the standard output if the path is "-".
   void writeText(const std::string& path, const std::string& text);
   void writeImage(const std::string& path, const cv::Mat& image);
-  /// Gives all complete files their final names, or none of them. The temporary name of the last
-  /// file is removed only when all files have their final names. Throws FileError.
+  /// Gives all complete files their final names; if this fails for one of them, none gets it. The
+  /// temporary name of the last file is removed only when all files have their final names. Throws
+  /// FileError.
   void commit();
 
  private:
@@ -99,22 +104,25 @@ class Outputs {
   std::vector<OutputFile*> complete_;
 };
 
-/// Whether the file is from a run that was killed while it gave its files their final names.
+/// Returns true if the file is from a run that was killed while it gave its files their final
+/// names.
 bool isInterrupted(const std::string& path);
 
-/// Whether the output is "-", which means the standard output.
+/// Returns true if the output is "-", which means the standard output.
 bool isStandardOutput(const std::string& output);
 
-/// Throws FileError with the reason why the file cannot be written. Image libraries give no reason,
-/// so this function tries to write. `otherwise`: the reason to give if this attempt succeeds.
+/// Throws FileError with the reason why the file cannot be written. Image libraries do not tell the
+/// reason, so this function tries to write to the file. `otherwise`: reason to give if that works.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
-/// The following functions throw FileError, for example if the disk is full; an existing file is
-/// then unchanged. writeText() can also write to the standard output.
+/// These functions write a whole file. They throw FileError, for example if the disk is full; a
+/// file that existed before is then unchanged. writeText() writes to the standard output if `file`
+/// is "-".
 void writeText(const std::string& file, const std::string& text, bool force);
-/// Writes the bytes to the temporary file without committing it.
+/// Writes the bytes to the temporary file. The caller must still commit it.
 void write(const OutputFile& file, const std::string& bytes);
-/// The ending of the name selects the format. The overload for an OutputFile does not commit it.
+/// The extension of the name selects the format. After the first of these functions, the caller
+/// must still commit the file.
 void writeImage(const OutputFile& file, const cv::Mat& image);
 void writeImage(const std::string& file, const cv::Mat& image, bool force);
 

@@ -16,7 +16,7 @@ bool beginsWith(std::string_view bytes, std::string_view start) {
   return bytes.substr(0, start.size()) == start;
 }
 
-/// Reads a number of `size` bytes; bytes beyond the end count as zero.
+/// Reads a number of `size` bytes at `position`. Bytes beyond the end count as zero.
 std::size_t numberAt(std::size_t position, std::size_t size, std::string_view bytes,
                      bool little_endian = false) {
   std::size_t number = 0;
@@ -27,16 +27,16 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
   return number;
 }
 
-/// Returns the position after the marker of the first segment that `wanted` accepts; 0 if there is
-/// no such segment. A JPEG consists of segments (a marker, a length that counts itself, data) with
-/// compressed pixels between them. In the pixel data, an FF is followed by 0 or by the number of a
-/// restart marker. A preview is inside a segment, so its markers are skipped.
+/// Looks for the first segment of a JPEG whose marker `wanted` accepts. Returns the position after
+/// this marker; 0 if there is none. A JPEG consists of segments (a marker, a length that includes
+/// itself, data) with compressed pixels between them. A byte FF among the pixels is followed by 0
+/// or by a restart marker. A preview picture lies inside a segment, so its markers are skipped.
 template <typename Wanted>
 std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   std::size_t position = 2;
   while ((position = bytes.find('\xFF', position)) != std::string_view::npos) {
     const std::size_t marker = numberAt(++position, 1, bytes);
-    if (marker == 0xFF) continue;  // a padding byte
+    if (marker == 0xFF) continue;  // FF is repeated as padding
     ++position;
     if (wanted(marker)) return position;
     const bool is_alone = marker <= 1 || (marker >= 0xD0 && marker <= 0xD7);
@@ -45,7 +45,8 @@ std::size_t segmentOf(std::string_view bytes, const Wanted& wanted) {
   return 0;
 }
 
-/// A PNG consists of chunks: length, name, data, checksum.
+/// Returns true if the PNG has a chunk with this name. Its chunks consist of length, name, data and
+/// checksum.
 bool hasChunk(std::string_view bytes, std::string_view name) {
   std::size_t position = kPng.size();
   while (position + 8 <= bytes.size()) {
@@ -72,7 +73,7 @@ std::optional<double> ofJpeg(std::string_view bytes) {
 std::optional<double> ofBmp(std::string_view bytes) {
   const bool is_old = numberAt(14, 4, bytes, true) == 12;
   if (is_old) return megapixels(numberAt(18, 2, bytes, true), numberAt(20, 2, bytes, true));
-  const auto side = [&](std::size_t at) {  // a negative height means: top row first
+  const auto side = [&](std::size_t at) {  // the height is negative if the top row comes first
     const auto number = static_cast<std::int32_t>(numberAt(at, 4, bytes, true));
     return static_cast<std::size_t>(std::abs(static_cast<std::int64_t>(number)));
   };
@@ -90,7 +91,7 @@ std::optional<double> ofWebp(std::string_view bytes) {
   return std::nullopt;
 }
 
-/// Megapixels of the picture or of one of its tiles, whichever is larger.
+/// Megapixels of the picture or of one tile, whichever is larger. A decoder allocates whole tiles.
 std::optional<double> ofTiff(std::string_view bytes) {
   constexpr std::size_t kWidth = 256, kHeight = 257, kTileWidth = 322, kTileHeight = 323;
   constexpr std::size_t kEntry = 12;
@@ -120,7 +121,7 @@ bool isCutOff(std::string_view bytes) {
 }
 
 bool mayBeTransparent(std::string_view bytes) {
-  constexpr std::size_t kKind = 25;  // position of the byte with a PNG's colour type
+  constexpr std::size_t kKind = 25;  // position of a PNG's colour type, bytes
   constexpr std::size_t kOpacity = 4;
   if (beginsWith(bytes, kJpeg)) return false;
   return !beginsWith(bytes, kPng) || (numberAt(kKind, 1, bytes) & kOpacity) != 0 ||

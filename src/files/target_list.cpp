@@ -53,7 +53,8 @@ std::vector<TargetEntry> readFolder(const std::string& path) {
   return entries;
 }
 
-/// The value of a YAML node. Throws std::invalid_argument with the key and the expected kind.
+/// Converts a YAML node to `Value`. If this fails, throws std::invalid_argument that names the key
+/// and says what was expected.
 template <typename Value>
 Value valueOf(const std::string& key, const YAML::Node& node, const char* expected) {
   try {

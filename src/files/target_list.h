@@ -8,13 +8,13 @@
 
 namespace ktgp_orb {
 
-/// An entry of a target list: like Target, but with files instead of images.
+/// An entry of a target list: like Target, but with the names of image files instead of images.
 struct TargetEntry {
   std::string id;
   std::vector<std::string> files;
   double width = 0.0;  ///< width of the target, m; 0: not known
   std::string frame;
-  /// For error messages: the list and line, or the file in the folder, that the entry comes from.
+  /// Where the entry comes from, for error messages: the list and line, or the file in the folder.
   std::string place;
 };
 
@@ -26,15 +26,15 @@ struct TargetEntry {
 /// names. A folder is sorted by id. Throws std::invalid_argument with `path` and the reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
-/// The entries as a YAML list.
+/// Writes the entries as a YAML list.
 std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 
-/// Reads the images of an entry and gives the target to `add`. Throws std::invalid_argument with
-/// the place, the id and the reason if an image cannot be read or `add` throws.
+/// Reads the images of an entry and calls `add` with the target. If an image cannot be read or
+/// `add` throws, throws std::invalid_argument with the entry's place, its id and the reason.
 void addTarget(const TargetEntry& entry, const std::function<void(const Target&)>& add);
 
-/// Reads the images of all entries and adds the targets. Returns a reason for each target that was
-/// refused.
+/// Reads the images of all entries and adds the targets to `finder`. Returns a text for each target
+/// that was refused, which says why.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);
 
 }  // namespace ktgp_orb

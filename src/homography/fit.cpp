@@ -37,7 +37,7 @@ double diagonalOf(const FourPoints& corners) {
 
 float msacCost(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
                float give_up) {
-  // Number of pairs after which we check whether the sum exceeds `give_up`.
+  // After this many pairs, we check whether the sum exceeds `give_up`.
   constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;
   const Eigen::Matrix3f h = homography.cast<float>();
   const float limit2 = static_cast<float>(limit * limit);
@@ -75,9 +75,9 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 }
 
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
-  // Number of best pairs that are used; more pairs do not improve the homography.
+  // Only this many of the best pairs are used; more pairs do not improve the homography.
   constexpr std::size_t kEnough = 200;
-  constexpr double kScales = 3.0;  // ratio of the limit to the scale of the errors
+  constexpr double kScales = 3.0;  // limit divided by the scale of the errors
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
@@ -88,7 +88,7 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
                           const EvidenceOptions& options, Eigen::Matrix3d& homography) {
   // The refinement also uses pairs just beyond the threshold, because the weights separate good
   // pairs from bad ones better than the threshold does.
-  constexpr double kReach = 2.0;  // reach of the refinement, in thresholds
+  constexpr double kReach = 2.0;  // multiple of the inlier threshold
   constexpr int kMaxRounds = 10;
   const double least = options.min_scale * pairs.target.scale;
   const double cell = diagonalOf(corners) / kCellsAlongDiagonal;  // px
@@ -106,8 +106,8 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
 }
 
 /// If all pairs but one lie on a line, H depends on this one pair. So the test is repeated without
-/// some of the pairs. The standard deviation of a corner is computed in both images, and the
-/// smaller one counts, because a strong perspective that moves a corner far away in one image also
+/// some of the pairs. We compute the standard deviation of a corner in both images, and use the
+/// smaller one, because a strong perspective that moves a corner far away in one image also
 /// magnifies the error there.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
@@ -137,9 +137,9 @@ bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints&
 
 namespace {
 
-/// Jacobian of the eight entries of H in pixels, H(2,2) = 1, with respect to the entries of the
-/// normalised H. Uses the chain rule for T_target^-1 H T_reference and for the division by the last
-/// entry.
+/// Jacobian of the eight entries of H in pixels, with H(2,2) = 1, with respect to the entries of
+/// the normalised H. Uses the chain rule for the conversion to pixels (toPixels()) and for the
+/// division by the last entry.
 HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
                                         const Eigen::Matrix3d& homography) {
   const Eigen::Matrix3d undivided = pairs.toPixels(homography);
@@ -188,8 +188,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   scales.rounding_length = pairs.reference.scale * lengthOfAPixel(pairs, homography);
   const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
                                     estimator_.curvature(), homography, scales);
-  // The scale of the errors is estimated with f degrees of freedom, so H has Student's t
-  // distribution. Its covariance is f / (f - 2) times the covariance for a known scale.
+  // The scale of the errors is estimated with f (`freedom`) degrees of freedom, so H has Student's
+  // t distribution. Its covariance is f / (f - 2) times the covariance for a known scale.
   const double freedom = estimator_.freedom();
   const double spread = freedom / std::max(freedom - 2.0, 1.0);
   const double shared = of_patches ? field.shared_patches : 1.0;
@@ -197,8 +197,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   if (of_patches) noise += field.common_covariance;
   const double rounding = options.rounding * pairs.target.scale;
   // If the grey values are noisy, their rounding differs from patch to patch and is part of the
-  // noise that the errors show. Only the rest of the rounding error is similar for neighbouring
-  // pairs and is added here.
+  // noise that we measured. Only the rest of the rounding error is similar for neighbouring pairs,
+  // and is added here.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;
@@ -220,8 +220,9 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell) {
   return evidence;
 }
 
-// The limit and the least scale of the errors were chosen for PROSAC's threshold of 3 px and images
-// of 640x480 px.
+// The inlier threshold and the lower limit of the error scale (kScale) were chosen for PROSAC's
+// threshold of 3 px and images of 640x480 px. Both are scaled to the threshold and the image size
+// given here.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
   constexpr double kFoundWithError = 3.0;       // px
   constexpr double kFoundWithDiagonal = 800.0;  // px

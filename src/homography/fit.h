@@ -23,12 +23,13 @@ namespace ktgp_orb::homography {
 float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homography, double limit,
                float give_up);
 
-/// Sets inlier[i] to 1 if e < limit, else to 0, for each pair. Returns the number of ones.
+/// For each pair, sets inlier[i] to 1 if its reprojection error is below `limit`, else to 0.
+/// Returns the number of ones.
 std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d& homography,
                         double limit, std::vector<std::uint8_t>& inlier);
 
 /// Defines the problem that estimation::ProsacSearch solves: find a homography between normalised
-/// coordinates. Keeps its buffers.
+/// coordinates. Keeps its buffers from call to call.
 class HomographyProblem {
  public:
   using Model = Eigen::Matrix3d;
@@ -63,14 +64,14 @@ class HomographyProblem {
   ReprojectionFit estimator_;
 };
 
-/// How a homography is fitted.
+/// Options for fitting a homography to point pairs.
 struct EvidenceOptions {
   double max_error = 3.0;  ///< px, > 0; pairs with an error below twice this value take part
   /// Lower limit of the scale of the errors, px, > 0. With a limit well above the errors of the
   /// best points, the fit weights all points alike even if no plane explains them exactly. With a
   /// smaller limit, the fit would follow the points that happen to lie in one plane.
   double min_scale = 1e-4;
-  /// Whether the points come from aligned patches, which share noise if they overlap.
+  /// True if the points come from aligned patches, which share noise if they overlap.
   bool of_patches = false;
   double rounding = 0.0;  ///< see PointPairs::rounding
   /// If true, pairs that are close together count like one pair. So a part of the scene with many
@@ -78,8 +79,8 @@ struct EvidenceOptions {
   bool by_cell = false;
 };
 
-/// Fits the homography of maximum likelihood (homography/reprojection_fit.h) to all pairs that the
-/// homography may explain, and estimates its uncertainty. Keeps its buffers.
+/// Fits the most likely homography (see homography/reprojection_fit.h) to all pairs that it may
+/// explain, and estimates its uncertainty. Keeps its buffers from call to call.
 class HomographyFit {
  public:
   using Matrix8 = ReprojectionFit::Matrix8;
@@ -91,14 +92,13 @@ class HomographyFit {
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// True if the pairs of the last fit determine the image corners, even if any quarter of the
-  /// pairs is left out (or any single pair, if there are at most eight). `homography`: the result
-  /// of the fit.
+  /// Returns true if the pairs of the last fit determine the image corners, even if any quarter of
+  /// the pairs is left out (or any single pair, if there are at most eight). `homography`: the
+  /// result of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;
 
-  /// The homography of the last fit in pixels, with its uncertainty. `homography`: the result of
-  /// the fit.
+  /// Converts `homography`, the result of the last fit, to pixels, and computes its uncertainty.
   UncertainHomography inPixels(const NormalisedPairs& pairs, const FourPoints& corners,
                                const EvidenceOptions& options, const Eigen::Matrix3d& homography);
 
@@ -118,7 +118,7 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
 /// Estimates a homography again from more points or from more accurate points. It starts at the
-/// given homography and draws no samples. Keeps its buffers.
+/// given homography and draws no samples. Keeps its buffers from call to call.
 class HomographyRefiner {
  public:
   /// Refines `estimate`. All values must be finite and in pixels. Returns true on success; then

@@ -8,9 +8,9 @@
 
 namespace ktgp_orb::homography {
 
-/// H, with its sign chosen so that the third coordinate of H x is positive where the plane is
-/// visible. If H has a horizon, this is the sign with det H > 0. The sign of H(2,2) does not show
-/// which side is visible, since the origin may be beyond the horizon.
+/// Returns H with its sign chosen so that the third coordinate of H x is positive where the plane
+/// is visible. If H has a horizon, this is the sign with det H > 0. The sign of H(2,2) does not
+/// show which side is visible, since the origin may be beyond the horizon.
 Eigen::Matrix3d facing(const Eigen::Matrix3d& homography);
 
 /// A point counts as lying on the horizon if the third coordinate of the mapped point is below this
@@ -31,9 +31,10 @@ class PartOfImage {
   std::size_t size_ = 0;
 };
 
-/// Corners of the part of the image that `facing` shows. The part ends where the mapped third
-/// coordinate is `least` times the largest third coordinate at the corners. There are up to five
-/// corners; if there are fewer than three, no part of the image is in view.
+/// Returns the corners of the part of the image in which the plane is visible. `facing`: homography
+/// from facing(). The part ends where the mapped third coordinate is `least` times the largest
+/// third coordinate at the corners. There are up to five corners; if there are fewer than three, no
+/// part of the image is in view.
 PartOfImage partInView(const Eigen::Matrix3d& facing, const FourPoints& corners,
                        double least = kAtHorizon);
 

@@ -99,8 +99,9 @@ struct PointArrays {
   }
 };
 
-/// Shifts points to their centroid and scales them to a mean distance of about 1 (Hartley, PAMI
-/// 1997). Without this, single precision and the normal equations would not be accurate enough.
+/// Shifts points so that their centroid is the origin, and scales them so that the mean of |x| +
+/// |y| is 1 (as Hartley, PAMI 1997). Without this, single precision and the normal equations would
+/// not be accurate enough.
 struct Normalisation {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;
@@ -139,16 +140,16 @@ struct NormalisedPairs {
   PointArrays<float> scoring;
   PointArrays<double> refinement;  // pairs for the refinement, which needs double precision
   double limit = 0.0;              // the inlier threshold in normalised target units
-  // Lower limits of the doubled area of the triangles in a sample, in normalised units. They are
-  // set to the squared inlier threshold.
+  // No three points of a sample may form a triangle whose doubled area is below these limits, in
+  // normalised units. The limits are the squared inlier threshold.
   double min_reference_area = 0.0;
   double min_target_area = 0.0;
 
   std::size_t size() const { return scoring.size; }
 
   /// Normalises the given points. `order(i)`: index of the i-th pair in the input; `threshold`:
-  /// inlier threshold, px. `alike`: whether both images get the same scale, so that distances in
-  /// them can be compared.
+  /// inlier threshold, px. `alike`: give both images the same scale, so that distances in them can
+  /// be compared.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
             const std::vector<Eigen::Vector2d>& target_points, const Order& order, double threshold,
@@ -171,17 +172,17 @@ struct NormalisedPairs {
     }
   }
 
-  /// Converts a homography between normalised coordinates to a homography in pixels; its scale is
-  /// arbitrary.
+  /// Converts a homography between normalised coordinates to a homography in pixels. The result may
+  /// be scaled by any factor.
   Eigen::Matrix3d toPixels(const Eigen::Matrix3d& normalised) const {
     return target.inverse() * normalised * reference.matrix();
   }
 
   /// Converts a homography from pixels to normalised coordinates, with H(2,2) = 1, so that the
-  /// third coordinate is positive at the centre of the reference. Empty unless H is the view of a
-  /// plane from one side.
+  /// third coordinate is positive at the centre of the reference. Empty if H cannot be the view of
+  /// a plane from one side.
   std::optional<Eigen::Matrix3d> fromPixels(const Eigen::Matrix3d& pixel) const {
-    // Limit of the determinant of H, whose entries are of the order of 1.
+    // Lower limit of the determinant of H, whose entries are of the order of 1.
     constexpr double kSingular = 1e-12;
     Eigen::Matrix3d h = target.matrix() * pixel * reference.inverse();
     h /= h(2, 2);

@@ -64,7 +64,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   const bool scaled = homography::scaleLastToOne(answer.homography);
   if (!verdict.trusts(answer, pairs, reference_size, options.max_error, labelled)) return;
 
-  // The uncertainty comes last, since it takes longer than the verdict.
+  // Compute the uncertainty last, because it takes longer than the verdict, which may reject H.
   if (scaled) {
     answer = fit.inPixels(normalised, corners, evidence, h);
   } else {

@@ -30,7 +30,7 @@ double sum(const Lanes& lanes) {
 
 /// Two reference points mapped by H, one in each lane, and their errors in the target.
 struct Projection {
-  Lanes x, y, z;  // x, y: reference point divided by w, the third coordinate of H x; z: 1/w
+  Lanes x, y, z;  // with w = third coordinate of H x, x, y: reference point / w; z: 1 / w
   Lanes u, v;     // projected point
   Lanes du, dv;   // error: projected point - target point
 
@@ -47,8 +47,9 @@ struct Projection {
   }
 };
 
-/// The sums of J^T w J and J^T w e over the pairs. The rows of J for one pair are [x y z 0 0 0 -u x
-/// -u y] and [0 0 0 x y z -v x -v y], so that J^T w J has 19 different entries, not 36.
+/// The sums of J^T w J and J^T w e over the pairs (J: Jacobian, w: weight, e: error of a pair).
+/// With the fields of Projection, the rows of J for one pair are [x y z 0 0 0 -u x -u y] and
+/// [0 0 0 x y z -v x -v y], so that J^T w J has only 19 different entries, not 36.
 class ReprojectionSums {
  public:
   ReprojectionSums() {
@@ -104,7 +105,7 @@ class ReprojectionSums {
     return {sum(sums[0]), sum(sums[1]), sum(sums[2]), sum(sums[3]), sum(sums[4])};
   }
 
-  /// The block of J^T w J that couples the last two parameters with the others: [x y z]^T [x y],
+  /// The block of J^T w J for the last two parameters and three of the others: [x y z]^T [x y],
   /// with each product times u or v.
   static Eigen::Matrix<double, 3, 2> border(const Lanes (&sums)[5]) {
     const auto [xx, xy, xz, yy, yz] = totals(sums);
@@ -123,7 +124,8 @@ class ReprojectionSums {
   Lanes gradient_[8];
 };
 
-/// The sum of J^T w J over the first `count` pairs. `weights(i)`: w of the pairs i and i + 1.
+/// Returns the sum of J^T w J over the first `count` pairs. `weights(i)`: weights w of the pairs i
+/// and i + 1.
 template <typename Weights>
 Matrix8 sumOfSquares(const Points& points, const Eigen::Matrix3d& homography, std::size_t count,
                      const Weights& weights) {
@@ -138,7 +140,8 @@ Matrix8 sumOfSquares(const Points& points, const Eigen::Matrix3d& homography, st
 }
 
 /// The fit of H has converged when no entry changes by more than 1e-5; the entries are of the order
-/// of 1. The length of steps is not limited, since steps from the best PROSAC samples may be long.
+/// of 1. The length of a step is not limited, because even from the best PROSAC samples, the first
+/// steps may be long.
 estimation::FitRules rules() {
   estimation::FitRules rules;
   rules.converged = 1e-5;
@@ -185,8 +188,9 @@ void ReprojectionFit::Problem::linearise(const Eigen::Matrix3d& homography, Robu
   sums.squares = jtj;
   sums.gradient = jtr;
   sums.weight = sum(all);
-  // An error e has the weight t. The derivative d(t e)/de, averaged over the directions along and
-  // across e, is t² f / (f + 2), where f is kStudentFreedom.
+  // e: error of a pair; t: its Student weight (`student`); f: kStudentFreedom. The derivative of
+  // t e with respect to e, averaged over the direction of e and the direction perpendicular to it,
+  // is t² f / (f + 2).
   constexpr double kShare = estimation::kStudentFreedom / (estimation::kStudentFreedom + 2.0);
   sums.derivative = sum(derivatives) * kShare;
   sums.square = sum(squares);
@@ -204,8 +208,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
   }
   selected.size = n;
   // If the number of pairs is odd, the last pair is processed together with a padding pair of
-  // weight zero. The padding is cleared, because it may contain an old point that lies on the
-  // horizon of the next H, and zero times infinity is NaN.
+  // weight zero. We clear the padding, because it may contain an old point that lies on the horizon
+  // of H, and zero times infinity is NaN.
   if (n < selected.paddedSize()) selected.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
   fit_.weights().reset(n, 2, kEntries);
   by_cell_ = false;
@@ -213,7 +217,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
 }
 
 void ReprojectionFit::weighByCell(double cell) {
-  // Minimum number of equally weighted pairs, eight for each entry of H.
+  // The weighted pairs must be worth at least this many equally weighted pairs, which are eight for
+  // each entry of H.
   constexpr double kFewest = 64.0;
   const std::size_t n = size();
   if (n == 0) return;
@@ -261,8 +266,8 @@ bool ReprojectionFit::minimise(double min_scale, double& scale, Eigen::Matrix3d&
   return true;
 }
 
-/// If the pairs are weighted by cell (factor c), the covariance is not A^-1 with A = J^T w J, but
-/// A^-1 (J^T c w J) A^-1 (White 1980).
+/// If the weights w contain the factors c of the cells, the covariance is not A^-1 with
+/// A = J^T w J, but A^-1 (J^T c w J) A^-1 (White 1980).
 Matrix8 ReprojectionFit::covariance() const {
   const Matrix8 inverted = estimation::inverseOf(fit_.sums().squares);
   if (!by_cell_) return variance_factor_ * inverted;

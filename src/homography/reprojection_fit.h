@@ -30,7 +30,8 @@ class ReprojectionFit {
   /// weights would make the result as noisy as a fit to fewer than 64 equally weighted pairs.
   void weighByCell(double cell);
 
-  /// Takes one step with the given scale of the errors; false if the pairs do not determine H.
+  /// Takes one step with the given scale of the errors. Returns false if the pairs do not determine
+  /// H.
   bool step(double scale, Eigen::Matrix3d& homography);
 
   /// Iterates until convergence. The scale of the errors, in units of the target, is estimated
@@ -41,16 +42,16 @@ class ReprojectionFit {
   /// Covariance of the eight entries after minimise(); the scale of the errors is treated as known.
   Matrix8 covariance() const;
 
-  /// The covariance of a fit to the first `count` pairs without the pairs whose index modulo
-  /// `folds` is `fold`. Infinite if the remaining pairs do not determine H.
+  /// Returns the covariance of a fit to the first `count` pairs, but without each pair whose index
+  /// modulo `folds` is `fold`. Infinite if the remaining pairs do not determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 
   std::size_t size() const { return problem_.pairs.size; }
   /// Degrees of freedom of the estimated scale.
   double freedom() const { return fit_.weights().freedom(); }
-  /// The selected pairs, their weights in the last iteration of minimise(), and the ratio of the
-  /// second derivative of the likelihood to J^T w J.
+  /// The selected pairs, their weights w in the last iteration of minimise(), and the ratio of the
+  /// second derivative of the likelihood to J^T w J (J: Jacobian).
   const PointArrays<double>& pairs() const { return problem_.pairs; }
   const std::vector<double>& weights() const { return fit_.weights().weight; }
   double curvature() const { return fit_.sums().derivative / fit_.sums().weight; }

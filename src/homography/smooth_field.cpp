@@ -11,8 +11,9 @@ namespace {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// The product J1' J2 of two Jacobians, computed from the product of their entries (see Slope). A
-/// Jacobian has the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z -vx -vy].
+/// Returns the product J1' J2 of two Jacobians (' is the transpose) from the product of their
+/// different entries (see Slope). A Jacobian has the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z
+/// -vx -vy].
 Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
@@ -33,10 +34,11 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  // Correlation length l, as a share of the diagonal; method.md describes the measurement.
+  // Correlation length l of the field, as a share of the image diagonal; method.md describes the
+  // measurement.
   constexpr double kLength = 0.6;
-  // With fewer pairs, the fit of H's eight entries removes nearly all errors, so that nothing is
-  // left to estimate the field from.
+  // With fewer pairs, the fit of H's eight entries removes nearly all errors. Then nothing is left
+  // from which the field could be estimated.
   constexpr std::size_t kFewest = 12;
   FieldFit result;
   choosePairs(pairs, weights, homography);
@@ -67,8 +69,9 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   return result;
 }
 
-/// Moment of the squared errors of single pairs: sum of w² |r|². The residuals are r = M e with M =
-/// I - J A^-1 J'W. If the errors e have the covariance K, the expectation of the moment is
+/// Moment of the squared errors of single pairs: sum of w² |r|² (w: weight, r: residual of a pair).
+/// The residuals are r = M e with M = I - J A^-1 J'W; the class comment defines J, A and W. If the
+/// errors e have the covariance K, the expectation of the moment is
 ///
 ///   tr(W M K M' W) = tr(W K W) - 2 tr(A^-1 J'W³ K J) + tr(A^-1 J'W K W J A^-1 J'W² J),
 ///
@@ -85,10 +88,11 @@ SmoothField::Moment SmoothField::singleMoment(const PairSums& of_pairs, const Ce
   return single;
 }
 
-/// Moment of the products of the errors of near pairs: sum of w w' r·r' over couples of pairs in
-/// one cell or in adjacent cells. The expectation has the form given in singleMoment(). The
-/// products of a pair with itself (moment `single`) and of couples that share noise are left out.
-/// In the expectations, the two pairs of a couple that shares noise are treated as one point.
+/// Moment of the products of the errors of near pairs: sum of w w' r·r' over all combinations of
+/// two pairs in one cell or in adjacent cells, with weights w, w' and errors r, r'. We leave out
+/// the products of a pair with itself (moment `single`) and the combinations that share noise. The
+/// expectation has the form given in singleMoment(); in it, two pairs that share noise are treated
+/// as one point.
 SmoothField::Moment SmoothField::nearMoment(const PairSums& of_pairs, const CellSums& of_cells,
                                             const Fitted& fitted, const Moment& single) {
   const double weights2 = of_pairs.weights2;
@@ -111,8 +115,8 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   // Variance of the error that all pairs have in common, as a fraction of the variance of the
   // noise; see FieldFit::common_covariance.
   constexpr double kCommon = 0.02;
-  // A field that is correlated over most of the image has only about f independent values.
-  // Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
+  // A field that is correlated over most of the image has only about f = kFreedom independent
+  // values. Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
   constexpr double kFreedom = 6.0;
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
@@ -121,10 +125,10 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * fitted.by_field;
 }
 
-/// Sets tau² and sigma² from the two moments. The moment of near pairs divided by the moment of
-/// single pairs lies between its values for pure noise and for a pure field. The position between
-/// these two values is the field's share of the squared errors. If noise alone could give the
-/// measured ratio, no field is assumed.
+/// Sets the variance of the field (tau²) and the share of the noise from the two moments. We divide
+/// the moment of near pairs by the moment of single pairs. The ratio lies between its values for
+/// pure noise and for a pure field, and its position between them is the field's share of the
+/// squared errors. If noise alone could give the measured ratio, we assume that there is no field.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
   // If few cells are covered, the fit of H removes almost as much of a field as of noise. Then the
@@ -186,14 +190,14 @@ SmoothField::CellSums SmoothField::sumCells() const {
   return sums;
 }
 
-/// Returns J'W K W J for a field with variance 1 and correlation length `length`.
+/// Returns J'W K W J (see SmoothField) for a field with variance 1 and correlation length `length`.
 SmoothField::Matrix8 SmoothField::spreadOfRounding(double length, double cell_side) {
   step_ = std::exp(-cell_side / length);
   smooth();
   Matrix8 spread = Matrix8::Zero();
   for (const Cell& cell : cells_) spread += cell.slope * cell.smoothed.transpose();
-  // The sums above use exp(-d/l) = 1 for pairs within one cell. We correct this by the mean of
-  // exp(-d/l) over two points of a cell.
+  // The sums above use exp(-d/l) = 1 for two pairs within one cell. To correct this, we multiply
+  // them by the mean of exp(-d/l) over two points of a cell.
   const double share = length / cell_side;
   const double along = 2.0 * share * (1.0 - share * (1.0 - step_));
   return along * along * spread;
@@ -229,7 +233,8 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
 /// deviations, which are estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
-  // Median of |r|², divided by the variance per coordinate, for normal errors in two coordinates.
+  // Median of |r|² divided by the variance of a coordinate of r, if both coordinates of the error r
+  // are normally distributed.
   constexpr double kMedian = 1.386;
   squared_.clear();
   for (const Pair& pair : pairs_) squared_.push_back(pair.error.squaredNorm());
@@ -249,8 +254,8 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Maximum number of rows and of columns of cells. Keypoints may be outside the image; if they are
-  // beyond the last row or column, they are counted in it.
+  // Maximum number of rows and of columns of cells. Keypoints may be outside the image; those
+  // beyond the last row or column are counted in that row or column.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
@@ -258,7 +263,7 @@ void SmoothField::sortIntoCells(double cell_side) {
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
   constexpr std::size_t kSide = 17;
-  constexpr std::size_t kUsual = kSide * kSide;  // number of cells that is enough for every image
+  constexpr std::size_t kUsual = kSide * kSide;  // cells; enough for every image
   cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
@@ -273,8 +278,8 @@ void SmoothField::sortIntoCells(double cell_side) {
 }
 
 /// For each cell, sums the slopes of all cells with the weights exp(-d/l), where d is the
-/// city-block distance. The sums are computed along the rows and then along the columns, with a
-/// forward and a backward pass each.
+/// city-block distance of the two cells. The sums are computed first along the rows and then along
+/// the columns, each time with a forward and a backward pass.
 void SmoothField::smooth() {
   const auto along = [this](std::size_t first, std::size_t stride, std::size_t count) {
     const auto value = [&](std::size_t i) -> Slope& { return cells_[first + i * stride].smoothed; };
@@ -291,7 +296,7 @@ void SmoothField::smooth() {
   for (std::size_t column = 0; column < columns_; ++column) along(column, columns_, rows_);
 }
 
-/// Adds the sums over couples of pairs that share noise.
+/// Adds the sums over all combinations of two pairs that share noise.
 void SmoothField::sumNear(double side, PairSums& sums) {
   by_x_.clear();
   for (std::size_t i = 0; i < pairs_.size(); ++i) by_x_.emplace_back(pairs_[i].point.x(), i);

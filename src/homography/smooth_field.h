@@ -18,9 +18,10 @@ struct FieldScales {
   /// Minimum significance of a field, in units of the standard deviation that the estimate has if
   /// there is only noise.
   double significance = 0.0;
-  /// Pairs may share noise if their distance in x and in y is below this length.
+  /// Two pairs may share noise if they are closer than this, both in x and in y.
   double nearby = 0.0;
-  double rounding_length = 0.0;  ///< distance over which the displacement changes by a pixel
+  /// Distance over which the displacement between the images changes by a pixel.
+  double rounding_length = 0.0;
 };
 
 /// Result of SmoothField::fit: the errors of the pairs, split into a smooth field and noise.
@@ -38,9 +39,9 @@ struct FieldFit {
   /// sub-pixel registration, interpolation causes an error that is the same for all patches at the
   /// same position between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// Factor, >= 1, by which the variance of the mean error exceeds its value for independent
-  /// errors. It is needed for pairs found by patches of side FieldScales::nearby: if patches
-  /// overlap, their errors are correlated in proportion to the overlap.
+  /// Factor, >= 1, by which the variance of the mean error is larger than for independent errors.
+  /// It is needed for pairs found by patches of side FieldScales::nearby: if two patches overlap,
+  /// their errors are correlated in proportion to the overlap.
   double shared_patches = 1.0;
 };
 
@@ -48,26 +49,29 @@ struct FieldFit {
 ///
 /// In real scenes neighbouring points have similar errors: the scene is not quite a plane, the lens
 /// has distortion, or the camera has a rolling shutter. Such errors do not average out if more
-/// pairs are used, and a covariance that assumes independent errors is several times too small. The
-/// model is the covariance
+/// pairs are used, and a covariance that assumes independent errors is several times too small. Our
+/// model for the covariance of the errors of two pairs, in each coordinate, is
 ///
-///   K = tau² exp(-d/l) + sigma² (d = 0),   d = |dx| + |dy| in the reference image,
+///   K = tau² exp(-d/l) + sigma² (d = 0).
 ///
-/// in each coordinate, with l = 0.6 of the image's diagonal. tau² and sigma² are chosen so that the
-/// sum of the squared errors, and the sum of the products of the errors of near pairs, equal their
-/// expectations. The expectations take into account that fitting eight entries made the residuals r
-/// smaller: E[r r'] = M K M' with M = I - J A^-1 J'W and A = J'WJ, where J is the Jacobian of the
-/// fit and W contains the weights. Then cov(H) = A^-1 J'W K W J A^-1 (White 1980; Conley 1999; Bell
-/// & McCaffrey 2002). The errors are summed over cells of a 16th of the diagonal; near pairs are in
-/// the same or in adjacent cells, and the field is constant within a cell. Products of two pairs
-/// that may share noise (FieldScales::nearby) are left out.
+/// tau² is the variance of the field, sigma² the variance of the noise (only for a pair with
+/// itself), d = |dx| + |dy| the distance in the reference image, and l = 0.6 of the image's
+/// diagonal. tau² and sigma² are chosen so that two sums equal their expectations: the sum of the
+/// squared errors, and the sum of the products of the errors of near pairs. The expectations take
+/// into account that fitting eight entries made the residuals r smaller: E[r r'] = M K M' with
+/// M = I - J A^-1 J'W and A = J'WJ. Here J is the Jacobian of the fit, W contains the weights, and
+/// ' is the transpose. Then cov(H) = A^-1 J'W K W J A^-1 (White 1980; Conley 1999; Bell & McCaffrey
+/// 2002). The errors are summed over cells with a side of a 16th of the diagonal; near pairs are in
+/// the same or in adjacent cells, and the field is taken as constant within a cell. Products of two
+/// pairs that may share noise (FieldScales::nearby) are left out.
 ///
-/// Positions are rounded, keypoints to whole pixels. The rounding error of a displacement depends
-/// on the fractional part of the displacement in px. So neighbouring pairs have similar rounding
-/// errors, and the residuals do not show these errors: if the image moves by a fifth of a pixel,
-/// nearly all keypoints stay on the same pixel. Rounding errors are treated as a field with known
-/// variance and the same covariance model, in which l is the distance over which the displacement
-/// changes by a pixel. If this distance is short, rounding errors average out. Keeps its buffers.
+/// Positions are rounded; keypoints, for example, lie on whole pixels. The rounding error of a
+/// displacement depends on the fractional part of the displacement in px. So neighbouring pairs
+/// have similar rounding errors, and the residuals do not show these errors: if the image moves by
+/// a fifth of a pixel, nearly all keypoints stay on the same pixel. Rounding errors are treated as
+/// a field with known variance and the same covariance model, in which l is the distance over which
+/// the displacement changes by a pixel. If this distance is short, rounding errors average out.
+/// Keeps its buffers from call to call.
 class SmoothField {
  public:
   /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
@@ -93,7 +97,7 @@ class SmoothField {
     Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of w r, where r is a pair's error
     Slope slope = Slope::Zero();                      // sum of w J, where J is a pair's slope
     Slope slope2 = Slope::Zero();                     // sum of w² J
-    Slope smoothed = Slope::Zero();                   // sum over all cells of exp(-d/l) `slope`
+    Slope smoothed = Slope::Zero();                   // sum of exp(-d/l) `slope` over all cells
   };
   /// A statistic of the errors, its expectation for a field with tau² = 1, and its expectation for
   /// noise with sigma² = 1.
@@ -104,8 +108,8 @@ class SmoothField {
     // Standard deviation of `measured` for noise with sigma² = 1 and no field.
     double deviation = 0.0;
   };
-  /// Sums over all pairs: of w J'J (`first`), w² J'J (`second`), w³ J'J (`third`), w J (`slope`),
-  /// w² (`weights2`) and w² |r|² (`squared_error`).
+  /// Sums over all pairs, with weight w, Jacobian J and error r: of w J'J (`first`), w² J'J
+  /// (`second`), w³ J'J (`third`), w J (`slope`), w² (`weights2`) and w² |r|² (`squared_error`).
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
     Matrix8 second = Matrix8::Zero();
@@ -113,20 +117,21 @@ class SmoothField {
     Slope slope = Slope::Zero();
     double weights2 = 0.0;
     double squared_error = 0.0;
-    // Sums over all couples of pairs that share noise: of the overlapping share of their patches
-    // (`near_overlap`), w w' (`near_weight`) and w w' r·r' (`near_product`).
+    // If the patches of two point pairs overlap, the two pairs share noise. These are sums over all
+    // such combinations of two pairs, with weights w, w' and errors r, r'. near_overlap: share of
+    // the patch area that overlaps; near_weight: w w'; near_product: w w' r·r'.
     double near_overlap = 0.0;
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over all cells. The comment of each field gives the product that is summed. V: sum of the
-  /// slopes of a cell and of the cells that touch it.
+  /// Sums over all cells. The comment of each field gives the product that is summed, with the
+  /// names of the fields of Cell. V: sum of the slopes of a cell and of the cells that touch it.
   struct CellSums {
-    Matrix8 spread = Matrix8::Zero();      // slope' smoothed; the sum is J'W K W J for tau² = 1
-    Matrix8 single = Matrix8::Zero();      // slope2' smoothed
-    Matrix8 near = Matrix8::Zero();        // weight V' smoothed
-    Matrix8 near_noise = Matrix8::Zero();  // V' slope2
-    Matrix8 fitted = Matrix8::Zero();      // V' slope
+    Matrix8 spread = Matrix8::Zero();      // slope smoothed'; the sum is J'W K W J for tau² = 1
+    Matrix8 single = Matrix8::Zero();      // slope2 smoothed'
+    Matrix8 near = Matrix8::Zero();        // weight V smoothed'
+    Matrix8 near_noise = Matrix8::Zero();  // V slope2'
+    Matrix8 fitted = Matrix8::Zero();      // V slope'
     // Sum of the products of a cell's error with the errors of the cell itself and of each cell
     // that touches it.
     double product = 0.0;
@@ -137,8 +142,8 @@ class SmoothField {
     double expected = 0.0;
   };
 
-  /// `inverse`: A^-1. `by_field`, `by_noise`: the covariance of H, A^-1 J'W K W J A^-1, for a field
-  /// with tau² = 1 and for noise with sigma² = 1.
+  /// `inverse`: A^-1, see SmoothField. `by_field`, `by_noise`: the covariance of H,
+  /// A^-1 J'W K W J A^-1, for a field with tau² = 1 and for noise with sigma² = 1.
   struct Fitted {
     Matrix8 inverse;
     Matrix8 by_field;

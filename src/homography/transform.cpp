@@ -41,9 +41,9 @@ bool sameOrientation(const Basis& a, const Basis& b) {
 
 }  // namespace
 
-// Let r_i be the rows of the reference basis, a_i and b_i the areas in reference and target, and
-// u_i the target points. Then H = sum over i of (b_i / a_i) u_i r_i^T maps x_i to u_i, and x4 to
-// the sum of b_i u_i, which is b_whole u4.
+// r_i: rows of the reference basis; a_i, b_i: areas in reference and target; u_i: target points.
+// H = sum over i = 1..3 of (b_i / a_i) u_i r_i^T maps x_i to u_i. It maps x4 to the sum of b_i u_i,
+// which is the target's `whole` times u_4.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography) {
@@ -83,7 +83,7 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 }
 
 bool scaleLastToOne(Eigen::Matrix3d& homography) {
-  constexpr double kNearZero = 1e-9;  // limit of H(2,2), as a share of the norm of H
+  constexpr double kNearZero = 1e-9;  // lower limit of |H(2,2)|, as a share of the norm of H
   const bool possible = std::abs(homography(2, 2)) > kNearZero * homography.norm();
   homography /= possible ? homography(2, 2) : homography.norm();
   return possible;
@@ -168,7 +168,7 @@ namespace {
 using Matrix9x8 = Eigen::Matrix<double, 9, 8>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// Jacobian d(A B)/dA, entries row by row; the last entry of A is fixed.
+/// Jacobian of the product A B with respect to A, entries row by row; the last entry of A is fixed.
 Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
   Matrix9x8 j = Matrix9x8::Zero();
   for (Eigen::Index row = 0; row < 3; ++row) {
@@ -178,7 +178,7 @@ Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
   return j;
 }
 
-/// Jacobian d(A B)/dB; the last entry of B is fixed.
+/// Jacobian of the product A B with respect to B; the last entry of B is fixed.
 Matrix9x8 derivativeBySecondFactor(const Eigen::Matrix3d& a) {
   Matrix9x8 j = Matrix9x8::Zero();
   for (int row = 0; row < 3; ++row) {
@@ -200,10 +200,10 @@ Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d&
   return j;
 }
 
-/// An upper bound for the covariance of the sum of two errors with covariances A and B and any
-/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. We choose s so that the bound is exact if
-/// the two errors are proportional. To choose s, the two variances of each entry of H are divided
-/// by their sum.
+/// Returns an upper bound for the covariance of the sum of two errors with covariances A and B and
+/// any correlation: (1 + 1/s) A + (1 + s) B is a bound for any s > 0. We choose s so that the bound
+/// is exact if the two errors are proportional. Since the entries of H have different units, s is
+/// computed from the share of each error in the variance of each entry.
 Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
   double of_a = 0.0;
   double of_b = 0.0;

@@ -46,15 +46,17 @@ bool scaleLastToOne(Eigen::Matrix3d& homography);
 /// points.
 FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
-/// True if H shows the plane from one side over the whole image: H mirrors nothing (det H > 0 with
-/// a positive third coordinate), and its horizon, the line that is mapped to infinity, does not
-/// come near any corner and therefore does not cross the image.
+/// Returns true if H shows the plane from one side over the whole image: H mirrors nothing (det H >
+/// 0 with a positive third coordinate), and its horizon, the line that is mapped to infinity, does
+/// not come near any corner and therefore does not cross the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
 
-/// Maps an image to the resized image, px; the centre of the first pixel is (0, 0) in both.
+/// Returns the homography from an image to the resized image, px; the centre of the first pixel is
+/// (0, 0) in both.
 Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
 
-/// Share of an image of `size` that the same image warped by H covers, 0..1.
+/// If an image of `size` is warped by H, returns the share of the original area that the warped
+/// image covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
 
 /// Uncertainty of H at the corners of the image. `target`: largest standard deviation of a corner
@@ -72,10 +74,10 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
                                 const FourPoints& corners);
 
-/// The homography that applies `first` and then `second`, with its covariance to first order. The
-/// noise of the two is independent, so the covariances of the noise add. A shared error occurs in
-/// both, so its standard deviations add: two equal shared errors give twice the deviation and four
-/// times the variance.
+/// Returns the homography that applies `first` and then `second`, with its covariance to first
+/// order. The noise of the two homographies is independent, so the covariances of the noise add up.
+/// A shared error occurs in both, so its standard deviations add up: two equal shared errors give
+/// twice the deviation and four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
 /// Calls visit(name, values...) for each scalar field of an answer (UncertainHomography). `name`:

@@ -9,20 +9,21 @@
 
 namespace ktgp_orb::homography {
 
-/// Verdict on a homography that PROSAC or growth found. A homography is trusted if it shows its
-/// inliers from one side and if chance does not explain them. Chance is excluded if the number of
+/// Judges a homography that PROSAC or growth found. A homography is trusted if it shows its inliers
+/// from one side and if they cannot be explained by chance. Chance is excluded if the number of
 /// false alarms NFA(k) (see estimation::FalseAlarms) is below 1e-4 for some number k of inliers, or
-/// below 1e-12 if the horizon crosses the reference, as in the picture of a street. A random target
-/// point in the area A of the target points has an error of at most e with the probability p = pi
-/// e² / A, where e is the largest error of the k inliers, but at least 1/sqrt(pi) px.
+/// below 1e-12 if the horizon crosses the reference, as in the picture of a street. If a target
+/// point lay at random in the area A of the target points, its error would be at most e with the
+/// probability p = pi e² / A. Here e is the largest error of the k inliers, but at least 1/sqrt(pi)
+/// px.
 ///
 /// An inlier counts only if it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
 /// support a homography only once. Four pairs are never enough. Five exact pairs are enough, and so
-/// are six of eight pairs with errors of 3 px. Keeps its buffers.
+/// are six of eight pairs with errors of 3 px. Keeps its buffers from call to call.
 class HomographyVerdict {
  public:
-  /// Returns whether the homography of `answer`, in px, can be trusted. `pairs`: the matches that
+  /// Returns true if the homography of `answer`, in px, can be trusted. `pairs`: the matches that
   /// it is compared with; `threshold`: inliers have a smaller reprojection error, px.
   /// `reference_size` may be empty (see imageCorners). In any case, sets `result` as label() does,
   /// because both functions need the same errors.
@@ -36,7 +37,7 @@ class HomographyVerdict {
 
   std::vector<double> squared_error_;  // squared error of each pair, px²; set only for inliers
   std::vector<std::size_t> inliers_;
-  // Indices of the inliers that count, which are far enough from each other.
+  // Indices of the inliers that count, because they are far enough from each other.
   std::vector<std::size_t> counted_;
 };
 

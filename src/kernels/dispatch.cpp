@@ -1,5 +1,5 @@
-// The vector code of all stages. It is compiled for each instruction set, and one instruction set
-// is chosen at run time.
+// The vector code of all stages. This file is compiled once for each instruction set, and the best
+// one that the processor supports is chosen at run time.
 #include "kernels/kernels.h"
 #include "util/highway_targets.h"
 
@@ -43,8 +43,8 @@ Kernels makeKernels() {
   if (hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
 #if !HWY_NATIVE_FMA
-  // The blur is defined with fused multiply-adds. This instruction set has no fused multiply-add,
-  // so the portable loop is used, which emulates it.
+  // The blur must give the same result everywhere, and it is defined with fused multiply-adds. This
+  // instruction set has none, so use the portable loop, which emulates them.
   set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;
   set.orb.blur_across_rows = orb::portableOrbKernels().blur_across_rows;
 #endif
@@ -80,7 +80,7 @@ bool hasFastGathers() {
   unsigned c = 0;
   unsigned d = 0;
   constexpr unsigned kExtendedFeatures = 7;
-  constexpr unsigned kAvx512Fp16 = 1U << 23;  // the feature's bit in register EDX
+  constexpr unsigned kAvx512Fp16 = 1U << 23;  // bit of this feature in register EDX
   return __get_cpuid_count(kExtendedFeatures, 0, &a, &b, &c, &d) != 0 && (d & kAvx512Fp16) != 0;
 #else
   return false;

@@ -7,8 +7,8 @@
 
 namespace ktgp_orb {
 
-/// The inner loops of all stages for one instruction set. Only dispatch.cpp uses this struct; a
-/// stage calls the function for its own kernels, e.g. orb::bestOrbKernels().
+/// The inner loops of all stages for one instruction set. Only dispatch.cpp uses this struct. A
+/// stage gets its own kernels from a function such as orb::bestOrbKernels().
 struct Kernels {
   alignment::AlignmentKernels alignment;
   growth::AlikeKernel alike;
@@ -16,10 +16,10 @@ struct Kernels {
   orb::OrbKernels orb;
 };
 
-/// Whether gather instructions are faster than reading values one by one. They are faster on Intel
-/// processors with AVX-512 FP16 (Sapphire Rapids and later). On other processors, gathers take up
-/// to four times as long as single reads; on older Intel processors this is because the microcode
-/// slows gathers down for security (Downfall).
+/// Returns true if gather instructions are faster than reading the values one by one. They are on
+/// Intel processors with AVX-512 FP16 (Sapphire Rapids and later). On other processors, a gather
+/// may take four times as long as single reads; on older Intel processors, the reason is that the
+/// microcode makes gathers slower for security (Downfall).
 bool hasFastGathers();
 
 }  // namespace ktgp_orb

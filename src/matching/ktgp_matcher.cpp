@@ -86,7 +86,7 @@ class Chain {
   const MatcherOptions options;
 
  private:
-  /// Input and results of one pair of frames, which the stages share.
+  /// Input and results for one pair of frames; all stages share them.
   struct Context {
     const Features& reference;
     const Features& target;
@@ -138,7 +138,7 @@ class Chain {
   ProsacResult labelled_;  // labels (inlier or not) of the pairs for a candidate homography
   std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
   std::vector<std::uint8_t> taken_;  // for each target keypoint, 1 if it is an inlier of the answer
-  std::vector<Correspondence> matches_;  // matches that the alignment starts from
+  std::vector<Correspondence> matches_;  // matches from which the alignment starts
 };
 
 bool always(const MatcherOptions& /*options*/) {
@@ -184,7 +184,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
                                              result.correspondences);
   }
   if (!context.wants_homography) return;
-  if (result.status != Status::ok) {  // the keypoints do not confirm `view`
+  if (result.status != Status::ok) {  // the keypoints do not confirm the two-view geometry
     clearTwoView(result);
     return;
   }
@@ -204,8 +204,9 @@ void Chain::runStages(const Stage* first, Context& context) {
   }
 }
 
-/// Whether the best homography comes from matches that stand still, such as hot pixels, while other
-/// matches agree that the scene moves. If so, drops the matches that stand still.
+/// Returns true if the best homography comes from matches that stand still, such as hot pixels,
+/// while other matches agree that the scene moves. In this case, drops the matches that stand
+/// still.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;
@@ -257,8 +258,8 @@ bool Chain::runGms(Context& context, StageResult& stage) {
   return true;
 }
 
-/// Estimates the two-view geometry. It becomes the result if the scene has depth, or if no
-/// homography is wanted.
+/// Estimates the two-view geometry. This geometry becomes the result if the scene has depth, or if
+/// no homography is wanted.
 bool Chain::runTwoView(Context& context, StageResult& stage) {
   const MatchHints& hints = context.hints;
   MatchResult& result = context.result;
@@ -316,7 +317,8 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
 
 /// Returns PROSAC's homography if it is doubtful, otherwise an empty value. It is doubtful if few
 /// matches agree with it, since a repetitive structure, such as the windows of a house, may have
-/// misled PROSAC. It is also doubtful if the matches show a repetition.
+/// misled PROSAC. It is also doubtful if the matches show that the structure repeats (see
+/// ShiftVotes).
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
   // A homography with few inliers is doubtful if they are less than 1 / kOneIn of the matches.
@@ -337,9 +339,9 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   return start;
 }
 
-/// Grows a homography if PROSAC found none in the whole image, or if PROSAC's homography is
-/// doubtful. The doubtful homography is kept only if it is as significant as the grown homographies
-/// and none of them contradicts it.
+/// Grows a homography if PROSAC found none although the whole image was searched, or if PROSAC's
+/// homography is doubtful. The doubtful homography is kept only if it is as significant as the
+/// grown homographies and none of them contradicts it.
 bool Chain::runGrowth(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;
@@ -391,8 +393,9 @@ bool Chain::runAlignment(Context& context, StageResult& stage) {
 /// Makes `candidate` the answer, and derives the mask, the inliers and the RMSE from it. Returns
 /// false, without any change, if the verdict rejects it.
 ///
-/// If the homography was grown, too few of the matches are right for the verdict, so the verdict
-/// uses the pairs of the growth. A refined homography must still agree with these pairs.
+/// Growth also works if very few of the matches are right, but then the verdict on all matches
+/// would reject the homography. So the verdict on a grown homography uses the pairs of the growth,
+/// even after the homography was refined.
 bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
   const MatchResult& result = context.result;
   const bool grown = result.found_by == FoundBy::growth;

@@ -8,7 +8,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Feature options for an image with this number of pixels.
+/// Returns the feature options for an image with this number of pixels.
 OrbOptions orbFor(const PairOptions& options, std::size_t pixels) {
   // Maximum number of features; the time for matching grows with the square of this number.
   constexpr double kMost = 8000.0;

@@ -11,14 +11,15 @@ namespace {
 
 using util::position;
 
-// The position of a keypoint is a whole pixel of its pyramid level. So even a still keypoint may
-// move by one pixel on the lower levels, where hot pixels are found.
+// px; a match that moves by less than kStands stands still, and a match that moves by more than
+// kMoves moves. Keypoints lie on whole pixels of their pyramid level. So on the finest levels,
+// where hot pixels are found, even a still keypoint may move by one pixel along each axis.
 constexpr double kStands = 0.7;  // px
 constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
 
-/// Side length, px, of a pixel on the coarser of the pyramid levels of a match's two keypoints. If
-/// the scene moves by less than this length, each of its keypoints stands still or moves by one
-/// whole pixel of the level, and all that move do so in the same direction.
+/// Side length, px, of a pixel of the pyramid level of the match; the coarser level if the two
+/// keypoints have different levels. If the scene moves by less than this length, the keypoints of
+/// the level either stand still or move by one whole pixel, all in the same direction.
 double pixelOf(const Features& reference, const Features& target, const Correspondence& match) {
   constexpr float kFinest = 31.F;  // size of a keypoint on the finest level, px
   const auto size = [](const Features& features, std::int32_t index) {
@@ -77,7 +78,7 @@ void Standing::collect(const Features& reference, const Features& target,
 }
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  constexpr std::size_t kLeast = 20;  // minimum; at most ten moving matches agree by chance
+  constexpr std::size_t kLeast = 20;  // of moving matches; at most ten agree by chance
   // Minimum number of moving matches, as a share of the number of still matches.
   constexpr double kLeastShare = 0.05;
   // Minimum spread of the moving matches, as a share of the spread of the still matches. If the

@@ -12,21 +12,22 @@
 namespace ktgp_orb::matching {
 
 /// Separates the matches of two images of equal size into matches that stand still and matches that
-/// move. Hot pixels, dirt on the lens and burned-in text stand still.
+/// move. Things that stand still are hot pixels, dirt on the lens and burned-in text, for example.
 class Standing {
  public:
-  /// Whether the homography leaves the whole image in place.
+  /// Returns true if the homography leaves the whole image in place.
   static bool standsStill(const Eigen::Matrix3d& homography, const Features& reference,
                           const Features& target);
   /// Divides the matches that passed GMS into matches that stand still and matches that move.
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
-  /// Whether the scene moves: enough moving matches are marked in `mask`, and they spread over the
-  /// part of the image where the other matches stand still. An object that moves in front of a
-  /// still camera covers less of the image.
+  /// Returns true if the scene itself moves, not just one object in front of a still camera.
+  /// `mask`: marks the moving matches that agree on a homography. There must be enough of them, and
+  /// they must be spread over the same part of the image as the matches that stand still; a single
+  /// object covers less.
   bool isScene(const std::vector<std::uint8_t>& mask);
-  /// Lowers the level of each match that does not move; the new level is Level::kt.
+  /// Lowers the level of each match that does not move to Level::kt, as if it had not passed GMS.
   static void drop(const Features& reference, const Features& target,
                    std::vector<Correspondence>& matches);
   /// Number of matches that passed the ratio filter and stand still at places where the homography

@@ -125,12 +125,13 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
 double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   std::vector<double> sorted(errors);
   std::sort(sorted.begin(), sorted.end());
-  double area = 0.0;   // area under the curve, in pairs x px
-  double share = 0.0;  // number of pairs with errors up to `last`
+  double area = 0.0;   // area under the curve, number of pairs times px
+  double share = 0.0;  // number of pairs whose error is at most `last`
   double last = 0.0;
   for (const double error : sorted) {
     if (error >= threshold) break;
-    // The height is the mean of the counts at both ends of the interval.
+    // Trapezoid from `last` to `error`: the number of pairs is `share` at its left end and `share`
+    // + 1 at its right end.
     area += (share + 0.5) * (error - last);
     share += 1.0;
     last = error;

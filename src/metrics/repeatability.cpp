@@ -10,7 +10,7 @@
 namespace ktgp_orb::metrics {
 namespace {
 
-// Radius of the reference region in the target image after the normalisation, px.
+// Both regions are scaled so that the reference region has this radius in the target image, px.
 constexpr double kNormalisedRadius = 30.0;
 
 /// An ellipse: the set of points x with (x - centre)^T shape (x - centre) <= 1.
@@ -22,8 +22,8 @@ struct Ellipse {
   double halfHeight() const { return std::sqrt(shape(0, 0) / shape.determinant()); }
 };
 
-/// The x coordinates of the left and the right end of a horizontal chord. If there is no chord,
-/// right < left.
+/// Returns the x coordinates of the left and the right end of the chord that the horizontal line at
+/// `y` cuts out of the ellipse. If the line misses the ellipse, right < left.
 std::pair<double, double> chordAt(const Ellipse& e, double y) {
   const double v = y - e.centre.y();
   const double a = e.shape(0, 0);
@@ -35,8 +35,8 @@ std::pair<double, double> chordAt(const Ellipse& e, double y) {
   return {middle - half, middle + half};
 }
 
-/// Area of the intersection. It is integrated by the midpoint rule from the exact chords at `rows`
-/// heights.
+/// Area of the intersection of two ellipses. The exact chords at `rows` heights are summed by the
+/// midpoint rule.
 double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   const double top = std::max(a.centre.y() - a.halfHeight(), b.centre.y() - b.halfHeight());
   const double bottom = std::min(a.centre.y() + a.halfHeight(), b.centre.y() + b.halfHeight());
@@ -52,8 +52,9 @@ double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   return area;
 }
 
-/// Scales both regions so that the first region gets the normalised radius. The distance of their
-/// centres is not scaled, because otherwise large regions would always repeat.
+/// Returns 1 - intersection/union of the two regions, after scaling both so that `a` has the area
+/// of a disc with the radius kNormalisedRadius. The distance between the centres is not scaled,
+/// because otherwise large regions would always overlap enough.
 double overlapError(Ellipse a, Ellipse b, int rows) {
   const double factor = kNormalisedRadius * kNormalisedRadius * util::kPi / a.area();
   a.shape /= factor;
@@ -75,8 +76,8 @@ Eigen::Matrix2d discShape(const cv::KeyPoint& keypoint) {
   return Eigen::Matrix2d::Identity() / (radius * radius);
 }
 
-/// The disc of a keypoint, mapped by `homography`. The homography is linearised at the centre of
-/// the disc.
+/// Maps the disc of a keypoint to an ellipse. The homography is linearised at the centre of the
+/// disc.
 Ellipse mappedDisc(const Eigen::Matrix3d& homography, const cv::KeyPoint& keypoint) {
   const Eigen::Vector3d p = homography * positionOf(keypoint).homogeneous();
   const Eigen::Vector2d centre = p.head<2>() / p.z();
@@ -114,13 +115,13 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
   for (std::size_t r = 0; r < mapped.size(); ++r) {
     for (std::size_t t = 0; t < found.size(); ++t) {
       const double distance = (mapped[r].centre - found[t].centre).norm();
-      // This test rejects most pairs: regions too far apart or too different in size cannot overlap
-      // enough.
+      // These two tests reject most pairs quickly: regions that are too far apart or too different
+      // in size cannot overlap enough.
       if (distance > 2.0 * kNormalisedRadius) continue;
       const double ratio = mapped[r].area() / found[t].area();
       if (std::min(ratio, 1.0 / ratio) < 1.0 - max_overlap_error) continue;
-      // With eight rows the error is accurate to 3 %, which is enough to reject most pairs; with 64
-      // rows it is accurate to 0.1 %.
+      // With 8 rows, overlapError() is accurate to 3 %, which is enough to reject most of the other
+      // pairs; with 64 rows, it is accurate to 0.1 %.
       if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
       const double error = overlapError(mapped[r], found[t], 64);
       if (error <= max_overlap_error) candidates.emplace_back(error, r, t);

@@ -9,18 +9,20 @@ namespace ktgp_orb::metrics {
 
 namespace {
 
-// Minimum correlation of a picture and its shifted copy; tilted checkerboards reach 0.65 to 0.95.
+// A picture repeats if its correlation with its shifted copy is at least this; tilted checkerboards
+// reach 0.65 to 0.95.
 constexpr double kAlike = 0.6;
 
 bool isPlain(const cv::Mat& picture) {
-  // Minimum standard deviation, grey levels; with less contrast, OpenCV finds a match everywhere.
+  // With a smaller standard deviation (in grey levels), OpenCV finds a match everywhere.
   constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
   return deviation[0] < kLeastContrast;
 }
 
-/// Shifts, px, by which `part` of `picture` looks like a part of `other`; see alikeShifts().
+/// Returns the shifts, px, that move `part` of `picture` to a place where `other` looks alike; see
+/// alikeShifts().
 std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, const cv::Mat& other,
                                 double least) {
   if (isPlain(picture(part))) return {{0, 0}};
@@ -44,8 +46,8 @@ std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, co
   return shifts;
 }
 
-/// Normalised correlation of the picture and a copy of it moved by `shift`, over the area that both
-/// cover.
+/// Normalised correlation between the picture and a copy of it that is moved by `shift`, px, in the
+/// area where the two overlap.
 double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   const cv::Rect all({0, 0}, picture.size());
   const cv::Rect moved = all & (all + shift);
@@ -56,19 +58,19 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   return correlation.at<float>(0, 0);
 }
 
-/// Removes the slow variations of brightness from the picture, because these look alike everywhere.
+/// Removes slow changes of brightness from the picture, because they look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // standard deviation of the blur, as a share of the longer side
+  constexpr double kSlow = 0.08;  // standard deviation of the blur / longer side of the picture
   cv::Mat shades, rest;
   cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);
   return rest;
 }
 
-/// Shifts, px, by which the picture looks like itself, up to the share kLongestPeriod of its sides.
-/// Each of the two upper corners of the picture is compared with the whole picture; the sides of a
-/// corner are two fifths of the sides of the picture. Two corners are enough for all directions,
-/// since a period also exists in the opposite direction.
+/// Returns the shifts, px, after which the picture looks like itself, up to kLongestPeriod times
+/// its sides. To find them, cuts out the two upper corners, each with two fifths of the width and
+/// height, and searches for them in the whole picture. Two corners are enough for all directions,
+/// because a picture that repeats after a shift also repeats after the opposite shift.
 std::vector<cv::Point> farShifts(const cv::Mat& picture, double least) {
   constexpr double kPart = 1.0 - kLongestPeriod;
   const cv::Mat detail = withoutShades(picture);
@@ -98,9 +100,10 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
 }
 
 double shortestPeriod(const cv::Mat& picture) {
-  // Longer side of the reduced copy, px; a period of 2 % of this side is nearly four px long.
+  // The picture is first shrunk until its longer side is this long, px; a period of 2 % of this
+  // side is still nearly 4 px long.
   constexpr double kCopySide = 192.0;
-  // Shortest shift that counts as a period, as a share of the longer side.
+  // Shortest shift that counts as a period, relative to the longer side.
   constexpr double kLeast = 0.02;
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };

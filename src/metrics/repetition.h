@@ -5,22 +5,22 @@
 
 namespace ktgp_orb::metrics {
 
-/// Shifts, px, by which the middle of `picture` (half the width and height) looks like a part of
-/// `other`. The shifts are the local maxima of the normalised correlation with a value of at least
-/// `least`, sorted with the best first. Returns only {0, 0} if the middle has a single grey level.
-/// Both pictures are CV_8UC1; `other` may be `picture`.
+/// Returns the shifts, px, that move the middle of `picture` (half its width and height) to a place
+/// where `other` looks alike. These are the local maxima of the normalised correlation that are at
+/// least `least`, best first. Returns only {0, 0} if the middle has a single grey level. Both
+/// pictures are CV_8UC1; `other` may be `picture`.
 std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least);
 
-/// Longest period that can be found, as a share of the sides. With a longer period the overlap is
-/// too small.
+/// Longest period that can be found, as a share of the width or height of the picture. With a
+/// longer period, the picture and its shifted copy overlap too little to be compared.
 constexpr double kLongestPeriod = 0.6;
 
-/// Whether a CV_8UC1 picture looks like itself moved by `shift`, px. Also returns true if the shift
-/// is too long to decide.
+/// Returns true if a CV_8UC1 picture looks like its own copy that is moved by `shift`, px. Also
+/// returns true if the shift is too long to be tested (see kLongestPeriod).
 bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift);
 
-/// The shortest shift, px, by which a CV_8UC1 picture looks like itself. Shifts from 2 % of its
-/// longer side up to kLongestPeriod are tried. Returns 0 if there is none.
+/// Returns the shortest shift, px, after which a CV_8UC1 picture looks like itself, or 0 if there
+/// is none. Shifts from 2 % of its longer side up to kLongestPeriod are tested.
 double shortestPeriod(const cv::Mat& picture);
 
 }  // namespace ktgp_orb::metrics

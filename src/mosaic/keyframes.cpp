@@ -14,8 +14,8 @@ namespace {
 constexpr std::size_t kTriesOnPath = 2;
 constexpr std::size_t kTriesLost = 4;
 constexpr double kLeastOverlap = 0.2;
-// Minimum number of inliers for a position. It is larger than the minimum for a valid match, since
-// the position of a keyframe is never corrected.
+// A match gives a position only with at least this many inliers. The limit is larger than for a
+// valid match, because the frame may become a keyframe, whose position is never corrected.
 constexpr std::size_t kLeastInliers = 30;
 
 }  // namespace

@@ -11,26 +11,29 @@
 
 namespace ktgp_orb::mosaic {
 
-/// Frames with a known position in the map. Other frames are placed by a match to these keyframes.
+/// Frames with a known position in the map (keyframes). Other frames are placed in the map by
+/// matching them to the keyframes.
 class Keyframes {
  public:
   explicit Keyframes(const MatcherOptions& options) : matcher_(options) {}
 
   void setOptions(const MatcherOptions& options) { matcher_ = KtgpMatcher(options); }
 
-  /// Finds the position of a frame, map -> frame. Matches the frame to the keyframe that covers
-  /// most of it; if this match fails, to keyframes that cover less. `expected`: rough position of
-  /// the frame. `chained`: `expected` follows from the previous frame, so one match is enough.
-  /// Otherwise `expected` is a guess, and the result has one position for each of the nearest
-  /// keyframes that match. Empty if no keyframe matches.
+  /// Finds the position of a frame, that is, the homography map -> frame, px. Matches the frame to
+  /// the keyframe that covers most of it, and then to keyframes that cover less. `expected`: rough
+  /// position of the frame. `chained`: true if `expected` follows from the previous frame; then the
+  /// first match is enough. If false, `expected` is a guess, and the result has one position for
+  /// each of the nearest keyframes that match. The result is empty if no keyframe matches.
   std::vector<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
                                       bool chained);
 
-  /// Share of the frame that the best keyframe covers, 0..1.
+  /// Share of a frame that the keyframe with the largest overlap covers, 0..1. `size`: size of the
+  /// frame, px.
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
 
   void add(Features features, const Eigen::Matrix3d& from_map);
-  /// Replaces the position P of each keyframe (homography map -> keyframe) by to(P).
+  /// Moves the keyframes: the position P of each keyframe (homography map -> keyframe) becomes
+  /// to(P).
   void move(const std::function<Eigen::Matrix3d(const Eigen::Matrix3d&)>& to);
   std::size_t size() const { return keyframes_.size(); }
   void clear();

@@ -26,7 +26,7 @@ namespace {
 using mosaic::TileMap;
 using mosaic::Turn;
 
-constexpr std::size_t kPathLength = 300;  // number of frames that may arrive during one placement
+constexpr std::size_t kPathLength = 300;  // frames that may arrive while one frame is being placed
 // A frame becomes a keyframe if the keyframes cover less than this share of the frame. The next
 // frame then overlaps enough with a keyframe for a reliable match.
 constexpr double kKeyframeOverlap = 0.6;
@@ -88,11 +88,11 @@ struct Mosaic::Impl {
   FramePath path;
   TileMap tiles;
   mosaic::Keyframes keyframes;
-  std::optional<Eigen::Matrix3d> camera;    // K, if it is given
+  std::optional<Eigen::Matrix3d> camera;    // matrix of the camera, if given
   Turn turn;                                // last result of testTurn() for this map
   std::vector<Eigen::Matrix3d> turn_poses;  // poses of drawn frames, spread over the map
   double next_test = kFirstTest;            // distance at which testTurn() runs next, frame widths
-  double closed_off = 0.0;                  // largest gap at the end of a full turn, px
+  double closed_off = 0.0;                  // largest distance found by noteClosing(), px
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
@@ -100,7 +100,7 @@ struct Mosaic::Impl {
   cv::Mat seen;     // newest frame (BGR) if it is not drawn yet; image() draws it
   std::optional<Eigen::Matrix3d> seen_pose;
 
-  std::optional<Eigen::Matrix3d> last;  // map -> the last frame with a known position
+  std::optional<Eigen::Matrix3d> last;  // homography map -> last frame with a known position
   std::int64_t last_stamp = 0;          // stamp of the frame of `last`
   // Features of the frame of `last`, unless it is a keyframe.
   std::optional<Features> last_features;
@@ -191,8 +191,8 @@ struct Mosaic::Impl {
   }
   Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
 
-  /// Records that a homography came late, since the frame may have moved by several periods of
-  /// repetitive ground in the meantime.
+  /// Records when a homography comes late, because in the meantime the frame may have moved by
+  /// several periods of repetitive ground.
   void noteGap(std::int64_t stamp) {
     constexpr std::int64_t kLate = 3;  // intervals
     const std::int64_t passed = stamp - followed;
@@ -206,10 +206,10 @@ struct Mosaic::Impl {
     return velocity && stamp - last_stamp < kPredictable;
   }
 
-  /// Whether the pose may be wrong by a period of repetitive ground, because it is more than half a
-  /// period away from the prediction. The last velocity gives the prediction. If the last velocity
-  /// is too old, or the frame should have moved by half a period since then, the chain of
-  /// homographies gives the prediction. True if there is no prediction.
+  /// On repetitive ground, a pose may be wrong by a period. Returns true if the pose is more than
+  /// half a period away from the predicted place, or if there is no prediction. The last velocity
+  /// predicts the place. If it is too old, or predicts a motion of at least half a period, the
+  /// chain of homographies predicts the place instead.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -323,7 +323,8 @@ struct Mosaic::Impl {
     return !surface().isPlane() && tiles.area().width + 1 > surface().period();
   }
 
-  /// Records the largest gap between the end of a full turn and its beginning, px.
+  /// After a full turn, the place of a frame by the chain of homographies differs from its place by
+  /// the keyframes of the beginning of the turn. Records the largest distance between the two, px.
   void noteClosing(const Eigen::Matrix3d& by_map, const Eigen::Matrix3d& by_chain) {
     if (!isClosed()) return;
     const double off = (surface().inFrame(by_map, middleInMap(by_chain)) - middle()).norm();

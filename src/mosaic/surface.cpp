@@ -12,7 +12,7 @@
 namespace ktgp_orb::mosaic {
 namespace {
 
-/// Whether the frame can be drawn into a map on the plane of the first frame.
+/// Returns true if the frame can be drawn into a map on the plane of the first frame.
 bool planeCanShow(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d inverse = from_map.inverse();
   const Eigen::Matrix3d to_map = inverse / inverse(2, 2);
@@ -33,8 +33,9 @@ bool planeCanShow(const cv::Size& size, const Eigen::Matrix3d& from_map) {
 
 }  // namespace
 
-// The rotation is fitted to points of the picture and not to the entries of K_inv H K, because the
-// last row of this matrix is much less accurate than the other rows.
+// The rotation is fitted to points of the frame and not to the entries of the matrix K_inv H K (H:
+// `from_map`; K: `camera`), because the last row of this matrix is much less accurate than the
+// other rows.
 TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
                 const cv::Size& size) {
   constexpr int kGrid = 3;
@@ -42,7 +43,8 @@ TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
   const Eigen::Matrix3d to_ray = camera.inverse();
   const Eigen::Matrix3d to_map = side * to_ray * from_map.inverse();
   Eigen::Matrix<double, 2, kGrid * kGrid> pixels;
-  Eigen::Matrix<double, 3, kGrid * kGrid> rays;  // viewing rays of `pixels`, in the first camera
+  // Viewing rays of `pixels`, in the coordinates of the first camera.
+  Eigen::Matrix<double, 3, kGrid * kGrid> rays;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (int i = 0; i < kGrid * kGrid; ++i) {
     const int column = i % kGrid;

@@ -6,19 +6,19 @@
 
 namespace ktgp_orb::mosaic {
 
-/// Largest scale of a frame in the map. The smallest scale is the inverse of this number.
+/// Largest allowed scale of a frame in the map. The smallest allowed scale is the inverse of it.
 inline constexpr double kLargestZoom = 4.0;
 
-/// The rotation R of a camera that fits a homography H best. If the camera only turned, K_inv H K =
-/// R.
+/// The rotation R of a camera that explains a homography H best. If the camera only turned, H = K R
+/// K_inv, where K is the camera matrix.
 struct TurnFit {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  /// Deviation of H from the homography of the rotation, px (rms over the frame).
+  /// Deviation of H from K R K_inv, px (rms over the frame).
   double off = 0.0;
 };
 
-/// `from_map`: homography from the first frame to a frame of `size`, px. `camera`: K of both
-/// frames.
+/// `from_map`: homography from the first frame to a frame of `size`, px. `camera`: the camera
+/// matrix K of both frames, px.
 TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
                 const cv::Size& size);
 
@@ -26,15 +26,17 @@ TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
 /// that turns.
 ///
 /// For both surfaces, a pose is a homography H, first frame -> frame. On the cylinder, H = K R
-/// K_inv with determinant 1, so the third coordinate of H x is positive for points in front of the
-/// camera.
+/// K_inv with determinant 1 (K: camera matrix; R: rotation since the first frame). So if x is a
+/// point of the first frame in homogeneous px, the third coordinate of H x is positive if the point
+/// is in front of the camera.
 class Surface {
  public:
   /// The plane of the first frame; a place in the map is a pixel of the first frame.
   Surface() = default;
-  /// A cylinder with the radius fx about `axis`, a unit vector in the coordinates of the first
-  /// camera. A place in the map is (cx + fx angle, cy + fx height). The angle is 0 in the viewing
-  /// direction of the first frame; the height is in radii.
+  /// A cylinder about `axis`, a unit vector in the coordinates of the first camera. Its radius is
+  /// the focal length fx of `camera`. A place in the map is (cx + fx angle, cy + fx height), where
+  /// (cx, cy) is the principal point of `camera`. The angle about the axis is 0 in the viewing
+  /// direction of the first frame; the height along the axis is in radii.
   Surface(const Eigen::Matrix3d& camera, const Eigen::Vector3d& axis);
 
   bool isPlane() const { return period_ == 0.0; }
@@ -43,23 +45,25 @@ class Surface {
   /// Maps a point of the first frame, in homogeneous px, to its place in the map.
   Eigen::Vector2d toMap(const Eigen::Vector3d& point) const;
   Eigen::Vector3d fromMap(const Eigen::Vector2d& place) const;
-  /// `place`, moved by full turns so that it is as near to `other` as possible.
+  /// Returns `place`, shifted by the number of full turns that brings it nearest to `other`. On the
+  /// plane, returns `place`.
   Eigen::Vector2d near(const Eigen::Vector2d& place, const Eigen::Vector2d& other) const;
 
   /// Scales the homography: H(2,2) = 1 for the plane, determinant 1 for the cylinder.
   Eigen::Matrix3d scaled(const Eigen::Matrix3d& homography) const;
-  /// The scaled pose. On the cylinder, it is replaced by the nearest pose of a camera that only
+  /// Returns the scaled pose. On the cylinder, this is the nearest pose of a camera that only
   /// turned.
   Eigen::Matrix3d fitted(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
-  /// Deviation of the homography from a pure turn, px (rms); 0 for the plane.
+  /// Deviation of the pose from the nearest pose of a camera that only turned, px (rms); 0 for the
+  /// plane.
   double off(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
-  /// The pixel of the frame that shows the place of the map. Infinite if the surface is a cylinder
-  /// and the place is behind the camera.
+  /// Returns the pixel of the frame that shows `place`. Its coordinates are infinite if the surface
+  /// is a cylinder and `place` is behind the camera.
   Eigen::Vector2d inFrame(const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) const;
 
-  /// Whether the frame can be drawn with a scale of 1/4 to 4.
+  /// Returns true if the frame can be drawn at a scale of 1/kLargestZoom to kLargestZoom.
   bool canShow(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
-  /// The border of the frame in the map.
+  /// Returns the border of the frame in the map, as a polygon.
   std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
 
  private:

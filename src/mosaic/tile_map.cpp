@@ -15,8 +15,8 @@ namespace {
 // appears soon and noise averages out.
 constexpr int kMaxWeight = 3 * 255;
 
-// The gain is computed from pixels of a grid with this spacing. Very dark or bright pixels are left
-// out, since they may be clipped.
+// gain() compares the pixels of a grid with this spacing. Pixels that are darker than kDark or
+// brighter than kBright are left out, because they may be clipped.
 constexpr int kGainStep = 8;  // px
 constexpr int kLeastGainSamples = 100;
 constexpr int kDark = 8;
@@ -128,7 +128,7 @@ bool TileMap::draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map) {
 bool TileMap::draw(const Frame& frame) {
   cv::Rect bounds = boundsOf(outline(frame.colour.size(), frame.to_map));
   if (surface_.isPlane()) return drawIn(bounds, frame);
-  // Add a margin, since the curved sides may leave the polygon.
+  // Add a margin, because the curved sides of the frame may bulge beyond the polygon of outline().
   bounds = {bounds.tl() - cv::Point(2, 2), bounds.br() + cv::Point(2, 2)};
   const int turn = static_cast<int>(surface_.period());
   cv::Rect allowed = bounds;
@@ -154,7 +154,8 @@ bool TileMap::drawIn(const cv::Rect& bounds, const Frame& frame) {
   return all;
 }
 
-/// Computes patch_weight_. Also stores the map between tile and frame, which setPatch() uses.
+/// Computes patch_weight_: the weight of the frame at each pixel of `region`, the area of a tile in
+/// the map. Also stores the map between tile and frame, which setPatch() uses.
 void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
   if (surface_.isPlane()) {
     Eigen::Matrix3d to_tile = Eigen::Matrix3d::Identity();
@@ -182,8 +183,8 @@ void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
   cv::remap(frame.weight, patch_weight_, pixels_, cv::noArray(), cv::INTER_LINEAR);
 }
 
-/// Computes patch_. Repeats the last pixels beyond the border of the frame, because black would
-/// darken the rim.
+/// Computes patch_: the colour of the frame at each pixel of `region`. Repeats the last pixels
+/// beyond the border of the frame, because interpolation with black would darken the rim.
 void TileMap::setPatch(const cv::Rect& region, const Frame& frame) {
   if (surface_.isPlane()) {
     cv::warpPerspective(frame.colour, patch_, homography_, region.size(), cv::INTER_LINEAR,
@@ -230,7 +231,7 @@ bool TileMap::bend(const Surface& cylinder) {
     tile.colour(part - corner).copyTo(colour(part - area_.tl()));
     tile.weight(part - corner).convertTo(weight(part - area_.tl()), CV_8UC1, 255.0 / kMaxWeight);
   }
-  // Removes the rim of the picture, since interpolation would mix it with the empty pixels beside
+  // Removes the rim of the picture, because interpolation would mix it with the empty pixels beside
   // it.
   cv::erode(weight, weight, cv::noArray());
   Eigen::Matrix3d to_map = Eigen::Matrix3d::Identity();

@@ -30,13 +30,16 @@ class TileMap {
   /// Draws a frame (CV_8UC3) and blends it with the existing picture. `to_map`: homography frame ->
   /// first frame, scaled by Surface::scaled(). The weight of a pixel falls towards the border of
   /// its frame, so there are no seams. The picture on a cylinder covers at most one full turn;
-  /// parts beyond its end are drawn at its beginning. Returns false if a part did not fit.
+  /// parts beyond its end are drawn at its beginning. Returns false if a part was not drawn,
+  /// because the map has max_tiles tiles already.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
-  /// Factor that gives the frame the brightness of the map below it; 1 if the overlap is too small.
+  /// The factor by which the brightness of the frame must be multiplied to match the map below it;
+  /// 1 if the overlap is too small.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
-  /// The border of a frame in the map. On a cylinder, it is moved by full turns to the drawn area.
+  /// The border of a frame in the map. A cylinder repeats after each full turn, so there the border
+  /// is shifted by whole turns to the position nearest to the drawn area.
   std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
   /// Bounds of the drawn area, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
@@ -53,9 +56,9 @@ class TileMap {
   };
   using Place = std::pair<int, int>;  // column, row
 
-  /// The pixel of the map at `p`; null for unseen parts.
+  /// The pixel of the map at `p`, px of the map; null if nothing was drawn there.
   const cv::Vec3b* at(const Eigen::Vector2d& p) const;
-  /// A picture with the weights of its pixels.
+  /// A picture to be drawn, with the weights of its pixels.
   struct Frame {
     const cv::Mat& colour;  // CV_8UC3
     const cv::Mat& weight;  // CV_8UC1
@@ -75,7 +78,7 @@ class TileMap {
   cv::Rect area_;
   cv::Mat feather_;     // CV_8UC1, weight of each pixel of a frame
   cv::Mat homography_;  // for a plane: homography frame -> tile
-  cv::Mat pixels_;  // for a cylinder: CV_32FC2, for each pixel of the tile its place in the frame
+  cv::Mat pixels_;      // for a cylinder: CV_32FC2, position in the frame of each pixel of the tile
   cv::Mat patch_;
   cv::Mat patch_weight_;
 };

@@ -23,8 +23,8 @@ Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector
   const Eigen::Vector3d axis = from.cross(to);
   const double sine = axis.norm();
   const double cosine = from.dot(to);
-  // If the directions are opposite, the cross product is mostly rounding error, and any
-  // perpendicular axis will do.
+  // If the directions are opposite, the cross product is mostly rounding error. Then half a turn
+  // about any axis perpendicular to `from` leads to `to`.
   const double least = cosine < 0.0 ? 1e-8 : 0.0;
   return rotationAbout(std::atan2(sine, cosine) *
                        (sine > least ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
@@ -50,7 +50,8 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground) {
   CameraPose pose;
   pose.axes = (svd.matrixU() * svd.matrixV().transpose()).transpose();
   pose.position = -(pose.axes * m.col(2));
-  // At a negative height the homography's unknown factor is negative: reverse the first two axes.
+  // A negative height means that the homography's unknown factor is negative. Without this sign,
+  // the height and the first two rows of `axes` are negated.
   if (pose.position.z() < 0.0) {
     pose.axes.topRows<2>() *= -1.0;
     pose.position.z() *= -1.0;

@@ -25,7 +25,7 @@ struct CameraPose {
 /// The rotation vector (axis times angle, rad) of a rotation matrix; the inverse of
 /// rotationAbout().
 Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
-/// aboutUp(): the rotation by `yaw` about z. yawOf(): the yaw of a rotation.
+/// aboutUp(): the rotation by `yaw`, rad, about the z axis. yawOf(): the yaw of a rotation, rad.
 Eigen::Matrix3d aboutUp(double yaw);
 double yawOf(const Eigen::Matrix3d& rotation);
 /// The smallest rotation that turns `from` to `to`; both have length 1.
@@ -35,17 +35,19 @@ Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector
 /// (m), and the last three are small rotations about the camera's own axes (rad).
 CameraPose moved(const CameraPose& pose, const Vector6& step);
 
-/// The homography M. It maps a point (x, y, 1) of the ground to the image at focal length 1.
+/// The homography M of GroundMotion: maps a point (x, y, 1) of the ground, m, to an image with
+/// focal length 1.
 Eigen::Matrix3d imageFromGround(const CameraPose& pose);
-/// The pose whose M is nearest to `image_from_ground`, a homography that is known up to a factor.
-/// Empty if there is no such pose above the ground.
+/// The pose for which imageFromGround() is nearest to `image_from_ground`, which is known only up
+/// to a factor. Empty if there is no such pose above the ground.
 std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
 
-/// The logarithm in SE(3) of the motion from `from` to `to`: the constant velocity and angular
-/// velocity (in the moving camera's frame) of this motion, multiplied by its duration.
+/// The logarithm in SE(3) of the motion from `from` to `to`: the velocity and angular velocity (in
+/// the moving camera's frame) that, if they stay constant, move the camera this way, multiplied by
+/// the duration.
 Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
-/// Jacobian of constantTwist() with respect to a step (see moved) of `from` (6 columns) and a step
-/// of `to` (6 columns).
+/// Jacobian of constantTwist() with respect to a step (see moved()) of `from` (6 columns) and a
+/// step of `to` (6 columns).
 Matrix612 twistSlope(const CameraPose& from, const CameraPose& to);
 
 }  // namespace ktgp_orb::motion

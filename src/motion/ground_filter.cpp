@@ -104,8 +104,9 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
   moveFrame();
 }
 
-/// Moves the filter's frame below the newest pose, so that the errors of x, y and yaw of this pose
-/// become errors of the frame. Drops the states of the map and of the previous pose.
+/// Moves the origin of the filter's frame to the ground below the newest pose. The errors of x, y
+/// and yaw of this pose thus become errors of the frame. Drops the states of the map and of the
+/// previous pose.
 void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
@@ -267,7 +268,8 @@ std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
   return innovation;
 }
 
-/// Fits the most likely pose to the homography. `noise`: factor on the variances of the homography.
+/// Makes the most likely pose for the homography the newest pose, and computes the two constraints.
+/// `noise`: factor on the variances of the homography. Returns false if no pose fits.
 bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
   if (!whitening) return false;
@@ -276,7 +278,8 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   if (!found) return false;
   const CameraPose& pose = *found;
 
-  // The new pose depends on the readout time, the map and the noise.
+  // The error of the new pose depends on the errors of the readout time and the map, and on the
+  // noise of the homography. The first column is the residual, the others are its derivatives.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
   Eigen::Matrix<double, 8, 10> residual_and_slope;
   residual_and_slope << entriesOf(seen) - entriesOf(h), -motion.by_readout, byMap(h);
@@ -284,9 +287,10 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
-  // A straight flight tells nothing about the shutter. Over many frames, however, the filter would
-  // mistake noise of the flow for information on the readout time. So this information is used only
-  // if a usual readout time changes the constraints by more than their noise.
+  // In a straight flight, the images show nothing of the readout time. Over many frames, however,
+  // the filter would mistake noise of the image flow (see Shutter) for information on the readout
+  // time. So the readout time is corrected only if a usual value of it, kUnknownReadout, would
+  // change the constraints by more than their noise.
   if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
     constraints_by_state_.col(kReadout).setZero();
   }
@@ -314,7 +318,7 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
   const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
   const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
   const Matrix86 by_keyframe =
-      // Jacobian of the entries of h with respect to a step of the keyframe.
+      // Jacobian of the entries of h with respect to a step of the keyframe's pose.
       -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));
   const Matrix6 follows =
       -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // Jacobian of the pose
@@ -333,8 +337,9 @@ Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& 
   return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
-/// Kalman update with noise of Student's t distribution. If a reading differs from its prediction
-/// by more than normal noise, its variance is enlarged, so that an outlier can do little harm.
+/// Kalman update for readings whose noise follows Student's t distribution: if a reading differs
+/// from its prediction by more than normal noise, its variance is enlarged, so that an outlier does
+/// little harm.
 void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
   const double misfit = innovationOf(residual, slope, variance).misfit;
   if (!std::isfinite(misfit)) return;
@@ -344,8 +349,9 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
   expected.diagonal().array() += noise;
   const SmallMatrix gain = times(cross_covariance, inverseOf(expected));
   correct(times(gain, residual));
-  // Joseph's form, (I - K S) P (I - K S)' + K R K'. With the short form, (I - K S) P, rounding
-  // would make the matrix indefinite if readings are nearly exact.
+  // Joseph's form of the new covariance, (I - K S) P (I - K S)' + K R K', with K: `gain`, S:
+  // `slope`, P: the old covariance, R: the noise of the reading. With the short form, (I - K S) P,
+  // rounding would make the matrix indefinite if a reading is nearly exact.
   covariance_ -= times(gain, cross_covariance.transpose());
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
   covariance_ += noise * times(gain, gain.transpose());
@@ -354,8 +360,8 @@ void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, doubl
 
 namespace {
 
-/// Turns the pose about the keyframe at `center`, then scales its position about the point of the
-/// ground below the keyframe.
+/// Rotates the pose by the rotation vector `turn` (rad) about the keyframe's position `center`.
+/// Then scales its position by 1 + `scale`, seen from the origin of the filter's frame.
 CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
                       const Eigen::Vector3d& center) {
   const Eigen::Matrix3d rotation = rotationAbout(turn);
@@ -364,8 +370,9 @@ CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, doubl
 
 }  // namespace
 
-/// The change of the state, to first order, if the whole ground turns about the keyframe and is
-/// scaled. The previous and the newest pose move with the ground, so the images do not change.
+/// The change of the state, to first order, if the whole ground is rotated about the keyframe by
+/// the rotation vector `turn` (rad) and is scaled by 1 + `scale`. The previous and the newest pose
+/// move with the ground, so the images do not change.
 GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
                                              const CameraPose& keyframe) const {
   const auto step_of = [&](const CameraPose& pose) {
@@ -394,10 +401,10 @@ void GroundFilter::widen(double scale_variance, double tilt_variance) {
   for (const int axis : {0, 1}) add(std::sqrt(tilt_variance) * Eigen::Vector3d::Unit(axis), 0.0);
 }
 
-/// The tilt and the scale of the ground are far less certain than the relative poses of the frames,
-/// in the first frames by a factor of a thousand. A correction of tilt and scale is often too large
-/// for a first-order step, so it is applied exactly. Only the rest of the correction is added to
-/// first order.
+/// Subtracts the estimated error from the state. The tilt and the scale of the ground are far less
+/// certain than the relative poses of the frames, in the first frames by a factor of a thousand. A
+/// correction of tilt and scale is often too large for a first-order step, so it is applied
+/// exactly. Only the rest of the correction is added to first order.
 void GroundFilter::correct(const State& error) {
   State left = error;
   if (const auto keyframe = poseFrom(map_.inverse())) {

@@ -13,29 +13,32 @@ namespace ktgp_orb::motion {
 using util::SmallMatrix;
 using util::SmallRef;
 
-/// A rotation that the pictures show, from the newest camera to the camera of the keyframe. The
-/// covariance (rad²) is for small rotations about the axes of the newest camera.
+/// The rotation, computed from the images, from the camera's frame at the newest image to its frame
+/// at the keyframe. The covariance (rad²) is for small rotations about the camera's axes at the
+/// newest image.
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Jacobian of these small rotations with respect to small rotations of the keyframe's camera. It
-  /// tells how a wrong normal of the ground changes the seen rotation.
+  /// Jacobian of these small rotations with respect to small rotations of the camera at the
+  /// keyframe: if the keyframe's pose is tilted because of a wrong normal of the ground, `rotation`
+  /// changes by this much.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
-/// Extended Kalman filter of the map of a keyframe and the poses of the two newest frames, with
-/// their joint covariance. Each new pose is a weighted least-squares fit to the homography.
+/// Extended Kalman filter that estimates the map of a keyframe (see GroundMotion) and the poses of
+/// the two newest frames, with their joint covariance. Each new pose is a weighted least-squares
+/// fit to the homography.
 ///
-/// All poses are in the frame of the keyframe. The origin of this frame is below the keyframe,
-/// whose x, y and yaw are therefore exact. The place of the frame in the odometry becomes less and
-/// less certain, so it is a separate state. In a single frame for all poses, Jacobians of different
-/// times would disagree and would turn the large uncertainty of x, y and yaw into wrong
-/// corrections.
+/// All poses are in the filter's own coordinate frame. setKeyframe() moves its origin to the ground
+/// below the newest camera, whose x, y and yaw are then exact. Where this frame lies in the
+/// odometry frame becomes less and less certain, so its position and yaw are states of their own.
+/// If all poses were in the odometry frame, Jacobians computed at different times would disagree,
+/// and because of the large uncertainty of x, y and yaw the filter would make wrong corrections.
 class GroundFilter {
  public:
-  /// First index of each part of the error state: x, y and yaw of the keyframe's frame (3 entries),
-  /// the readout time (1), E of the map (8), the pose of the previous frame (6) and the pose of the
-  /// newest frame (6). kSize is the number of entries.
+  /// First index of each part of the error state: x, y and yaw of the filter's frame (3 entries),
+  /// the readout time (1), the error E of the map (8, see byMap()), the pose of the previous image
+  /// (6) and the pose of the newest image (6). kSize is the number of entries.
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
   /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
@@ -51,12 +54,12 @@ class GroundFilter {
 
   /// Starts with a pose in the odometry frame. There is no map at first.
   void start(const CameraPose& pose, const Matrix6& covariance);
-  /// Predicts the next pose from a twist of the camera, which is given in the camera's own frame.
-  /// Drops the map.
+  /// Predicts the pose `seconds` after the newest pose from the camera's twist, which is given in
+  /// the camera's own frame. Drops the map.
   void predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
                const GroundMotionOptions& options);
-  /// Sets x, y and yaw of the base and their covariance. The height and the tilt do not change.
-  /// Drops the map.
+  /// Moves the vehicle's base to x, y and yaw of `base`, and sets the covariance of these three.
+  /// The height and the tilt do not change. Drops the map.
   void moveBase(const Pose3& base, const Covariance6& covariance_of_base,
                 const Pose3& base_to_camera);
   /// Makes the reference frame of `motion` the keyframe. If `at_reference` is true, the newest pose
@@ -70,14 +73,14 @@ class GroundFilter {
   /// the homography is enlarged. If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// The rotation since the keyframe, computed from `motion` and the known plane. Readings of turns
-  /// are not used. Empty if no pose fits.
+  /// The rotation since the keyframe, computed from `motion` and the ground plane of the map,
+  /// without a TurnReading. Empty if no pose fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
-  /// Corrects the state by a reading of the newest pose. `of_kind`: noise that readings of this
-  /// kind have shown. `ground`: identifies the ground below, see Innovations::add. A reading that
-  /// contradicts the prediction gets less weight, see update(). Returns the misfit of the reading
-  /// in standard deviations.
+  /// Corrects the state with a linearised reading, `rows`. `of_kind`: estimates the noise of this
+  /// kind of reading from the innovations; this innovation is added to it. `ground`: identifies the
+  /// ground below the camera, see Innovations::add. A reading that contradicts the prediction gets
+  /// less weight, see update(). Returns the misfit of the reading in standard deviations.
   template <int kRows>
   double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
@@ -91,10 +94,11 @@ class GroundFilter {
     return innovation.misfit;
   }
   /// Makes the ground less certain: adds a variance to its height (relative to the height) and to
-  /// its tilt (rad²). The poses and the map move with the ground.
+  /// its tilt (rad²). Because an error of the ground shifts both poses and the map along with it,
+  /// their variances grow, too.
   void widen(double scale_variance, double tilt_variance);
 
-  /// The newest and the previous pose, in the frame of the keyframe.
+  /// The newest and the previous pose, in the filter's own frame.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
   /// False after a numeric overflow. The filter must then be restarted.
@@ -133,7 +137,7 @@ class GroundFilter {
 
   Eigen::Vector2d frame_position_ = Eigen::Vector2d::Zero();
   double frame_yaw_ = 0.0;
-  // G, which maps the image of the keyframe to the ground.
+  // The homography G of GroundMotion: maps the image of the keyframe to the ground.
   Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();
   CameraPose before_;
   CameraPose now_;

@@ -27,7 +27,7 @@ using motion::Matrix6;
 
 // Largest accepted misfit of a homography, in standard deviations.
 constexpr double kHomographyLimit = 10.0;
-constexpr int kPatience = 10;          // number of successive refused frames before a new start
+constexpr int kPatience = 10;  // after this many refused frames in a row, the motion begins anew
 constexpr double kUnknownTilt = 0.35;  // rad
 // Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
 constexpr double kOrigin = 1e-6;
@@ -52,15 +52,16 @@ struct GroundMotion::Impl {
   void widenForReadings(const GroundFrame& frame);
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void beginKeyframe(const GroundFrame& frame);
-  /// Identifies the ground for the innovations of normals (see Innovations::add), because
-  /// contradictions on the same ground count once. Over relief each keyframe sees its own sloping
-  /// plane, so all normals until the next keyframe share its ground. Otherwise each frame counts as
-  /// new ground.
+  /// Identifies the ground below the camera for the innovations of the DownReadings, because
+  /// Innovations::add counts contradictions on the same ground only once. Over relief, the plane
+  /// that a keyframe shows has a slope of its own, so all readings until the next keyframe count as
+  /// the same ground. Otherwise each frame counts as new ground.
   std::int64_t seenSlope() const { return relief.isSeen() ? keyframe_stamp : newest_stamp; }
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
-  /// Whether the frame is later than the last pose, which may have had a stamp ahead of its time.
+  /// Whether the time since the last pose is known. It is not if `frame` has an earlier stamp than
+  /// the last pose, because the stamp of that pose was ahead of its time.
   bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
@@ -70,12 +71,12 @@ struct GroundMotion::Impl {
   bool is_connected = false;  // whether the map of the keyframe is valid
   std::int64_t last_stamp = 0;
   std::optional<TurnReading> turned;  // rotation since last_stamp; empty if a reading was missing
-  std::int64_t newest_stamp = 0;      // stamp of the newest frame, even without a homography
+  std::int64_t newest_stamp = 0;      // stamp of the newest frame, with or without a homography
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
   bool has_frame = false;
   util::StampOrder order;  // finds wrong stamps
-  int looks_away = 0;      // successive normals that point above the horizon
+  int looks_away = 0;      // number of successive DownReadings that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
   // Start of the motion, or the last position given to setPose(). A scale error (scale_deviation)
@@ -92,15 +93,18 @@ struct GroundMotion::Impl {
   // Decaying sum of (turn that the gyroscope reads) * (turn that the images show), rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
-  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // angular velocity of the newest turn, rad/s
-  int contradictions = 0;                          // number of successive refused frames
-  std::optional<Pose3> destination;  // pose to which the base shall be moved, see setPose()
+  // angular velocity of the newest TurnReading, rad/s
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();
+  int contradictions = 0;  // number of successive refused frames
+  // pose given to setPose(), to which the base is still to be moved
+  std::optional<Pose3> destination;
   Covariance6 destination_covariance = Covariance6::Zero();
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  // If requireValid() refuses the frame, `turned` stays empty: the sum of turns has a gap.
+  // If requireValid() refuses the frame, `turned` stays empty, because the rotation of this frame
+  // is missing in the sum.
   motion::requireValid(frame);
   turned = turns;
   const std::optional<Eigen::Matrix3d> homography =
@@ -136,13 +140,15 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   return estimate;
 }
 
-/// Whether the frame is left out because its stamp goes back; see StampOrder. A frame without a
-/// homography gives no pose, so a stamp ahead of its time does no harm.
+/// Returns true if the frame must be left out because its stamp is older than the previous one; see
+/// StampOrder. If a frame without a homography has a later stamp, StampOrder is not told of it: the
+/// frame gives no pose, so a stamp ahead of its time does no harm.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  if (place.was_one_ahead) velocity.interrupt();  // the duration of the last velocity was wrong
+  // the last velocity was computed with a wrong duration
+  if (place.was_one_ahead) velocity.interrupt();
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
   return place.is_apart;
@@ -169,15 +175,15 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
   const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
-  constexpr int kBelieved = 10;  // longest series of upward normals that is ignored
+  constexpr int kBelieved = 10;  // number of successive upward DownReadings that are ignored
   looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
   if (looks_away > (was_down ? kBelieved : 0)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief, homographies misfit because the ground is not a plane, not because of noise. So
-  // Relief::widened enlarges the noise of the readings instead.
+  // Over relief, homographies do not fit because the ground is not a plane, not because they are
+  // noisy. So the noise of the readings is enlarged instead, see Relief::widened.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
@@ -297,7 +303,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
 
-/// Compares the Imu with the pictures. This comes before the readings correct the pose.
+/// Compares the Imu's readings with the rotation that the images show. Call this before the
+/// readings correct the filter, so that they do not influence this rotation.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
   const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
   if (!frame.turn && !has_down) return;
@@ -307,8 +314,9 @@ void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion&
                  has_down ? frame.down : std::nullopt);
 }
 
-/// For a frame that is not connected to earlier frames: makes height and tilt unknown, so that only
-/// the readings determine them.
+/// For a frame that is not connected to earlier frames: sets the height and the tilt for which the
+/// frame has readings, and makes them nearly unknown, so that only the readings determine them. The
+/// first pose gets an unknown tilt even without a reading.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   const CameraPose placed =
       onGround(frame, filter.pose(), options.camera_to_base.inverse().translation());
@@ -352,7 +360,8 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   estimate.tilt_deviation = filter.tiltDeviation();
 }
 
-/// Sums the turns between frames, because the next pose may come several frames later.
+/// Adds the TurnReading of `frame` to the rotation since the last pose, because the next pose may
+/// come several frames later.
 void GroundMotion::Impl::addTurn(const GroundFrame& frame) {
   if (!frame.turn) turned.reset();
   if (!turned) return;
@@ -376,7 +385,7 @@ void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
 }
 
 /// Moves the base to the pose that setPose() asked for, if there is one. Then makes the reference
-/// of `image` the keyframe; `image` leads to the newest pose.
+/// of `image` the keyframe. `image`: homography from this reference to the newest frame.
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   if (destination) {
     filter.moveBase(*destination, destination_covariance, options.camera_to_base.inverse());

@@ -31,8 +31,8 @@ constexpr double kLargest = 0.35;  // rad
 // Factor on the variances, measured on flights. It is needed because successive differences share a
 // block, so their errors are not independent.
 constexpr double kShared = 1.5;
-// Minimum standard deviation of the noise of a block. A smaller turn or a smaller change of the
-// angular velocity in a block gives no information.
+// kLeastNoise: minimum standard deviation of the noise of a block. If the rotation or the change of
+// the angular velocity within a block is smaller than kLeastTurn or kLeastRate, it is not used.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
@@ -57,7 +57,7 @@ Mounting::Said Mounting::Said::mean(int count) const {
 
 void Mounting::begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns) {
   is_running_ = true;
-  if (gives_turns != gives_turns_) {  // turns and directions have different biases
+  if (gives_turns != gives_turns_) {  // the two kinds of readings have different biases
     information_.setZero();
     weighted_.setZero();
     square_ = rows_ = 0.0;
@@ -141,8 +141,8 @@ void Mounting::endBlock() {
   seconds_ = 0.0;
 }
 
-/// Removes the slopes that may be mere noise of this variance, or second-order effects. Over time
-/// they would add up to false information.
+/// Sets the derivatives in `slope` to zero that are so small that they may be nothing but noise of
+/// this variance, or second-order effects. Over time they would add up to false information.
 void Mounting::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
@@ -179,10 +179,10 @@ void Mounting::learn(Said difference) {
   solve();
 }
 
-/// Estimates the unknowns and the noise in turn, because they depend on each other. The dependence
-/// is weak, so three rounds are enough.
+/// Estimates the unknowns and the noise alternately, because they depend on each other. The
+/// dependence is weak, so three rounds are enough.
 void Mounting::solve() {
-  constexpr double kRows = 10.0;  // weight of the given noise, in measurements
+  constexpr double kRows = 10.0;  // the given noise counts as much as this many measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
       Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
@@ -192,7 +192,7 @@ void Mounting::solve() {
     information.diagonal().array() += prior.array().square().inverse();
     covariance_ = inverseOf(information);
     unknowns_ = covariance_ * weighted_ / noise_;
-    // Degrees of freedom that the unknowns take from the measurements.
+    // Number of degrees of freedom of the measurements that the unknowns use up.
     const double used = (covariance_ * seen).trace();
     const double rest =
         square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
@@ -233,9 +233,9 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     is_known = is_known || std::isfinite(deviation);
   };
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
-  // In the filter the scale error is a share of the reading, and the bias has the scale of the true
-  // turns. In the result the scale error is a share of the true turn, and the bias has the scale of
-  // the readings.
+  // In `unknowns_`, the scale error is a share of the reading, and the bias is measured in true
+  // rad/s. In the result, the scale error is a share of the true rotation, and the bias is in rad/s
+  // as the Imu states them.
   imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);
@@ -322,7 +322,8 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  // As a share of the turn. This is less than 3 %, the scale error that cheap gyroscopes specify.
+  // As a share of the true rotation. It is less than 3 %, the scale error in the data sheets of
+  // cheap gyroscopes.
   const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",

@@ -12,16 +12,17 @@ namespace ktgp_orb::motion {
 /// Finds how an Imu is mounted and how late its stamps are, from the difference between its
 /// readings and the rotation that the pictures show.
 ///
-/// Each new frame rotates the sums of all earlier readings into its own axes, by the rotation that
-/// the pictures show. For a perfect Imu, two quantities then stay constant: the sum of its turns
-/// less the turns of the pictures, and its measured direction n to the ground. A mounting error m,
-/// a delay d, a bias b and a relative scale error s change these quantities. To first order, after
-/// a time t, the sum of turns changes by m - w d + b t + s a, where w is the angular velocity and a
-/// the turn so far. The direction changes by n x (m - b t) + (w x n) d; here b is a drift of the
-/// pictures. A wrong normal adds three unknowns, which makes eleven in total. The constant part of
-/// each quantity cancels in the difference between the means of successive blocks of half a second.
-/// Weighted least squares with a memory of five minutes estimates the unknowns from these
-/// differences, and the residuals give the noise.
+/// At each new frame, the sums of all earlier readings are rotated into the axes of the newest
+/// camera, by the rotation that the images show. For a perfect Imu, two vectors then stay constant:
+/// the sum of its rotations minus the rotations seen in the images, and its measured direction n to
+/// the ground. They change if the Imu has a mounting error m (rad), a delay d (s), a bias b (rad/s)
+/// or a relative scale error s. To first order, after a time t, the sum of rotations has changed by
+/// m - w d + b t + s a, where w is the angular velocity and a is the rotation so far. The direction
+/// has changed by n x (m - b t) + (w x n) d; here b is a drift of the rotations seen in the images.
+/// A wrong normal of the ground adds three unknowns, which makes eleven in total. The readings are
+/// averaged over blocks of half a second; in the difference between the means of successive blocks,
+/// the constant part of each vector cancels. Weighted least squares with a memory of five minutes
+/// estimates the unknowns from these differences, and the residuals give the noise.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
@@ -32,12 +33,13 @@ class Mounting {
   /// Call this after each frame. If add() was not called for the frame, the sums of readings start
   /// anew at the next add(); the estimates stay.
   void endFrame();
-  /// The estimate in the base frame; empty if the motion so far does not show any of the unknowns.
-  /// `to_base`: rotation from the camera to the base.
+  /// The estimate in the base frame; empty if the motion so far does not determine any of the
+  /// unknowns. `to_base`: rotation from the camera to the base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
-  /// Standard deviation of the error, rad, that the delay and the wrong mounting of the Imu cause
-  /// in the reading `turn`. Only the parts that are known with certainty count. `change`: change of
-  /// the angular velocity since the previous turn, rad/s.
+  /// Size of the error, rad, that the delay and the wrong mounting of the Imu cause in a
+  /// TurnReading; add it to the reading's standard deviation. Estimates that may be due to noise do
+  /// not count. `turn`: rotation vector of the reading, rad. `change`: change of the angular
+  /// velocity since the previous TurnReading, rad/s.
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
@@ -64,20 +66,20 @@ class Mounting {
 
   bool was_added_ = false;    // whether add() was called for this frame
   bool is_running_ = false;   // whether add() was called for the last frame
-  bool gives_turns_ = false;  // whether the Imu gives turns; otherwise it gives directions
-  int without_turn_ = 0;      // number of successive frames without a turn
-  SeenTurn last_;             // rotation since the keyframe, as the last frame showed it
+  bool gives_turns_ = false;  // true if the Imu gives TurnReadings, false for DownReadings
+  int without_turn_ = 0;      // number of successive frames without a TurnReading
+  SeenTurn last_;             // rotation since the keyframe that the last image showed
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
-  Said turned_;           // sum of the Imu's turns since the start, less the turns of the pictures
-  Said block_;            // sum of the readings of the present block
-  int count_ = 0;         // number of frames in the present block
-  double seconds_ = 0.0;  // duration of the present block, s
+  Said turned_;  // sum of the Imu's rotations since begin(), minus the rotations seen in the images
+  Said block_;   // sum of the readings of the present block
+  int count_ = 0;               // number of frames in the present block
+  double seconds_ = 0.0;        // duration of the present block, s
   std::optional<Said> before_;  // mean of the readings of the previous block
 
   Information information_ = Information::Zero();
   Unknowns weighted_ = Unknowns::Zero();
-  double square_ = 0.0;  // sum of squared residuals, in units of their noise
+  double square_ = 0.0;  // weighted sum of squares of the measured differences
   double rows_ = 0.0;    // number of measurements in `square_`
   double noise_ = 1.0;   // variance of the residuals, as a multiple of the given variance
   Unknowns unknowns_ = Unknowns::Zero();

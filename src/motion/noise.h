@@ -15,7 +15,7 @@ namespace ktgp_orb::motion {
 /// How a measurement differs from its prediction.
 struct Innovation {
   double misfit = 0.0;  ///< difference from the prediction, in standard deviations
-  /// Squared residual, less the part that the uncertainty of the prediction explains, divided by
+  /// Squared residual minus the part that the uncertainty of the prediction explains, divided by
   /// the given variance of the measurement. Its mean is 1 if the given variance is right.
   double noise = 0.0;
 };
@@ -82,11 +82,11 @@ struct Innovations {
   }
 };
 
-/// Estimates how far the ground deviates from a plane, from the deviations of the pictures.
+/// Estimates how far the ground deviates from a plane, from how far the points of the images do.
 ///
 /// A single picture may deviate from a plane by chance, but relief shows in nearly all pictures.
-/// Over relief, the plane in a picture differs a little from the mean ground, to which the readings
-/// refer.
+/// Over relief, the plane that is fitted to a picture differs a little from the mean ground, and
+/// the readings of height and normal are relative to the mean ground.
 class Relief {
  public:
   /// Adds one picture. `deviation`: UncertainHomography::plane_deviation over the focal length.
@@ -111,8 +111,9 @@ class Relief {
 /// of successive twists is noise. Rough motion adds to this difference, so the noise is never
 /// underestimated.
 ///
-/// Each of three parts of the twist has its own share: turning, approach and shift. Shift is the
-/// motion along the picture that remains once turning and approach are known.
+/// Each of three parts of the twist has its own share: turning (the angular velocity), approach
+/// (the velocity along the optical axis) and shift (the velocity across the optical axis, given the
+/// other two parts).
 class TwistNoise {
  public:
   /// Call this before the first twist from a new keyframe. The errors of this twist include the
@@ -129,8 +130,8 @@ class TwistNoise {
  private:
   static constexpr int kTwists = 5;
 
-  /// Starts a new series, because the next twist does not follow the previous twists. If the first
-  /// twist of a keyframe was still expected, it remains expected.
+  /// Starts a new series, because the next twist does not follow the previous twists. If the next
+  /// twist is the first from a new keyframe (count_ is -1), it remains so.
   void restart() { count_ = std::min(count_, 0); }
 
   std::array<Vector6, kTwists> twists_;  // newest twist first

@@ -109,7 +109,7 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
     rows.residual(0) = std::numeric_limits<double>::infinity();
     return rows;
   }
-  // Drop of the beam per metre of its length.
+  // How far the beam drops per metre of its length.
   const double sinks = reading.beam_direction.dot(downOf(pose));
   const double start = pose.position.z() + up.dot(reading.beam_origin);
   const double length = start / sinks;

@@ -33,13 +33,15 @@ inline constexpr double kOfFrame = 0.4;
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
 
-/// Jacobians of the entries of h = M(pose) map: byPose() with respect to a step of the pose (see
-/// moved), byMap() with respect to the entries of E if `map` becomes map (I + E), E(2,2) = 0.
+/// Jacobians of the entries of the homography h = imageFromGround(pose) * map. byPose(): with
+/// respect to a step of the pose (see moved()). byMap(): with respect to the error E of the map, a
+/// 3x3 matrix with E(2,2) = 0; with this error, `map` becomes map * (I + E), where I is the
+/// identity.
 Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const CameraPose& pose);
 Matrix8 byMap(const Eigen::Matrix3d& h);
 
-/// Jacobian of E with respect to the entries of h: if E is column i, h (I + E) differs from h by 1
-/// in entry i only.
+/// Jacobian of E (see byMap()) with respect to the entries of h: column i is the E that changes
+/// entry i of h by 1 and no other entry, if h becomes h * (I + E).
 Matrix8 mapFromEntries(const Eigen::Matrix3d& h);
 
 /// A linearised measurement of the newest and the previous pose: residual ~ slope * step of the
@@ -53,10 +55,10 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// Whether the camera looks below the horizon. `down`: direction to the ground, in the camera's
-/// frame.
+/// Returns true if the camera looks below the horizon. `down`: direction to the ground, in the
+/// camera's frame.
 bool looksDown(const Eigen::Vector3d& down);
-/// Whether the beam of a range sensor meets the ground; true if the reading has no beam.
+/// Returns true if the beam of the range sensor meets the ground, or if the reading has no beam.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
 bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 /// Linearises a reading of the height or the normal about `pose`. `rise`: vertical velocity, m/s.
@@ -64,11 +66,12 @@ bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 
-/// The pose with the height and normal that `frame` gives. The camera turns as little as possible,
-/// and the base keeps x and y. `lever`: position of the base in the camera's frame.
+/// Changes `pose` so that it has the height and the normal of the ground that the readings of
+/// `frame` give. The camera is rotated as little as possible, and the base keeps x and y. `lever`:
+/// position of the base in the camera's frame.
 CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eigen::Vector3d& lever);
-/// The first pose: the base is above the origin, and its x axis points along x. `frame` must have a
-/// height.
+/// The first pose: the base is above the origin of the odometry frame, and their x axes point in
+/// the same direction. `frame` must have a height.
 CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base);
 
 /// Linearises a reading of the rotation between the poses `before` and `pose`.

@@ -11,7 +11,8 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// Subtracts the multiple of I that makes entry (2,2) zero. As a flow, a multiple of I moves no
+/// The flow that the matrix m stands for (see Shutter::flow_). Subtracts a multiple of the identity
+/// to make entry (2,2) zero; this changes nothing, because a multiple of the identity moves no
 /// point. Returns the other eight entries.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
@@ -19,7 +20,7 @@ Vector8 flowOf(const Eigen::Matrix3d& m) {
   return Eigen::Map<const Vector8>(rows.data());
 }
 
-/// Jacobian of flowOf(H m) with respect to the first eight entries of H.
+/// Jacobian of flowOf(H * m) with respect to the first eight entries of the homography H.
 Matrix8 flowByEntries(const Eigen::Matrix3d& m) {
   Matrix8 slope;
   for (int i = 0; i < 8; ++i) {
@@ -66,7 +67,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   // Points that the frame does not show are left out.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
-  // Delay of a row per unit of y at focal length 1, as a share of the readout time.
+  // How much later a row is exposed, as a share of the readout time, if its y (at focal length 1)
+  // is larger by 1.
   const double share_of_row = camera(1, 1) / size.height;
   Matrix8 information = Matrix8::Zero();
   Vector8 sum = Vector8::Zero();

@@ -11,12 +11,12 @@ namespace ktgp_orb::motion {
 ///
 /// A row below the middle row is exposed later than the middle row, by its share of the readout
 /// time. Meanwhile the picture moves; this flow is computed from successive homographies. If the
-/// points of both pictures are moved back to their positions at the time of the middle row, they
-/// give the homography of a global shutter. To first order, it differs from the measured homography
-/// by the readout time times a vector. This class computes the vector.
+/// points of both pictures are moved to where they were when the middle row was exposed, they give
+/// the homography of a global shutter. To first order, this homography is the measured one plus the
+/// readout time times a vector. This class computes the vector.
 ///
 /// The flow is filtered, because its noise comes from the same homography that is to be corrected.
-/// Without the filter, a steady motion would show a rolling shutter that does not exist.
+/// Without the filter, this noise would look like a rolling shutter during a steady motion.
 class Shutter {
  public:
   /// Adds the homography from the frame at `reference_stamp` (ns) to the frame at `stamp` (ns).
@@ -35,8 +35,8 @@ class Shutter {
   // point x moves to the projection of (x, 1) + dt F (x, 1).
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
-  // change_: running mean of the outer product of the changes of the flow, whitened by the noise of
-  // the flow. changes_: number of changes.
+  // change_: running mean of the outer product c c', where c is a change of the flow in units of
+  // its noise (whitened). changes_: number of changes in the mean.
   Matrix8 change_ = Matrix8::Zero();
   double changes_ = 0.0;
 };

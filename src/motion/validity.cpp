@@ -26,8 +26,8 @@ void requireUsable(const char* name, const std::optional<Reading>& reading) {
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
 }
 
-/// Whether some point of the reference falls into the image. Every matched homography has such a
-/// point.
+/// Returns true if the homography maps at least one point of the reference into the image. A
+/// homography that was computed from matches always does.
 bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
   constexpr int kSteps = 8;
   for (int i = 0; i <= kSteps; ++i) {
@@ -105,7 +105,8 @@ bool isUsable(const Covariance8& covariance) {
 
 namespace {
 
-/// Text that says why a reading with this standard deviation or age cannot be used.
+/// Returns a text that says why a reading with this standard deviation or age cannot be used; empty
+/// if it can.
 std::string whyUnusable(double deviation, const char* unit, double age) {
   if (!(deviation >= 0.0) || !std::isfinite(deviation)) {
     return "has a standard deviation of " + std::to_string(deviation) + " " + unit +

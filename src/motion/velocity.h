@@ -27,8 +27,9 @@ class Velocity {
   /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
-  /// Predicts what the readings of a frame were at its reference, which is `seconds` earlier. The
-  /// prediction uses the velocity that was measured `gap` seconds before the frame.
+  /// Converts the readings of `frame` to the time of its reference frame, `seconds` earlier, with
+  /// the velocity that was measured `gap` seconds before `frame`. Enlarges the deviations
+  /// accordingly.
   GroundFrame atReference(GroundFrame frame, double seconds, double gap,
                           const GroundMotionOptions& options) const;
 

@@ -1,4 +1,4 @@
-// The matcher as a standalone program, which loads the same nodelet as a nodelet manager does.
+// The matcher as a program of its own. It loads the same nodelet that a nodelet manager would load.
 
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -8,8 +8,8 @@
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
-  // OpenCV needs no threads, since the matcher has its own; a nodelet in a manager does not change
-  // this setting
+  // OpenCV needs no threads here, because the matcher has its own. Only this program changes the
+  // setting: in a nodelet manager, it would affect other nodelets.
   cv::setNumThreads(1);
   try {
     nodelet::Loader loader;

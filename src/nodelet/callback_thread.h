@@ -11,10 +11,10 @@ namespace ktgp_orb {
 
 /// A callback queue with its own thread.
 ///
-/// Nodelet callbacks do not run in the manager's threads. A manager thread holds a reference to the
-/// nodelet during a callback. If the nodelet is unloaded meanwhile, this thread may destroy it
-/// after the unload has returned, when the nodelet's other callback queue in the manager is already
-/// gone.
+/// The nodelets run their callbacks here and not in the manager's threads, because a manager thread
+/// holds a reference to the nodelet during a callback. If the nodelet is unloaded meanwhile, the
+/// manager thread releases the last reference, and so destroys the nodelet, after the unload has
+/// returned. Then the nodelet's other callback queue in the manager is already gone.
 class CallbackThread {
  public:
   /// The queue for ros::NodeHandle::setCallbackQueue(). If use() is never called, no thread starts.
@@ -22,7 +22,7 @@ class CallbackThread {
     is_used_ = true;
     return &callbacks_;
   }
-  /// Calls `callback` once in this thread.
+  /// Calls `callback` once in the thread of this queue.
   void post(std::function<void()> callback) {
     callbacks_.addCallback(boost::make_shared<Once>(std::move(callback)));
   }

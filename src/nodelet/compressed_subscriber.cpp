@@ -1,6 +1,7 @@
-// Receives compressed images. Applies the limits of this package, and works without
-// compressed_image_transport, which Debian 12 does not have. The plugin has its own name, so that
-// other nodes of the machine do not use it instead of the plugin of compressed_image_transport.
+// The image_transport plugin with which this package receives compressed images. It refuses images
+// that exceed the limits of this package, and works without compressed_image_transport, which
+// Debian 12 does not have. It has a name of its own, so that other nodes on the same machine keep
+// using the plugin of compressed_image_transport.
 #include <image_transport/simple_subscriber_plugin.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <pluginlib/class_list_macros.hpp>

@@ -16,11 +16,12 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr double kMaxDropShare = 0.5;  // share of dropped input that gives a warning
-constexpr double kLateError = 4.0;     // multiple of max_latency that gives an error
+constexpr double kMaxDropShare = 0.5;  // a larger share of dropped messages gives a warning
+constexpr double kLateError = 4.0;     // a latency above this multiple of max_latency is an error
 // If the latency exceeds this, s, the stamps must come from another clock.
 constexpr double kImplausibleLatency = 3600.0;
-// We avoid ROS_*_THROTTLE: all nodelets of a process share it, and it is silent at ROS time zero.
+// A refusal is logged again only after this time. We do not use ROS_*_THROTTLE for this, because
+// all nodelets of a process share its timer, and it logs nothing while ROS time is zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr const char* kIdle = "idle: no subscriber on any output";
 constexpr const char* kArrived = "arrived";
@@ -29,7 +30,8 @@ double ratio(double part, double whole) {
   return whole > 0.0 ? part / whole : 0.0;
 }
 
-/// The text without digits, because a problem is not logged again if only its numbers change.
+/// Returns the text without digits. We compare such texts, so that a problem is not logged again if
+/// only its numbers change.
 std::string withoutNumbers(std::string text) {
   text.erase(std::remove_if(text.begin(), text.end(),
                             [](unsigned char c) { return c >= '0' && c <= '9'; }),

@@ -26,7 +26,8 @@ class Diagnosis {
             const std::string& work);
   void add(diagnostic_updater::Updater& updater);
 
-  // Names of counters that all nodelets use, and keys of the reports. Nodelets may add other names.
+  // Names of the counters that all nodelets use; the reports use them as keys. Nodelets may add
+  // counters with other names.
   static constexpr const char* kDropped = "dropped";
   static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
@@ -46,17 +47,17 @@ class Diagnosis {
   /// latency from the stamp to now, s; 0 without a stamp or a clock.
   double done(const ros::Time& stamp, Clock::time_point start);
 
-  /// Sets a problem with the frames. `kind`: name that identifies the problem. `text`: description;
-  /// an empty text clears the problem. Unsubscribing the inputs clears it, too. `log`: also write
-  /// the problem to the log.
+  /// Reports a problem with the frames until it is cleared. `kind`: name that identifies the
+  /// problem. `text`: description; an empty text clears the problem. Unsubscribing the inputs
+  /// clears it, too. `log`: also write the problem to the log.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
-  /// Sets a problem that lasts whether or not frames are received.
+  /// Like setProblem(), but unsubscribing the inputs does not clear the problem.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
-  /// Sets the text of the report while there is no problem, for example "works".
+  /// Sets the text that the work's entry shows while there is no problem, for example "works".
   void setState(const std::string& text);
-  /// Sets a value that the report shows as it is.
+  /// Sets a value that the work's entry shows unchanged under this name.
   void setValue(const std::string& name, const std::string& value);
-  /// Latency above which the results are reported as late, s.
+  /// Sets the latency above which results are reported as late, s.
   void setMaxLatency(double seconds);
 
   void setListening(bool listening);
@@ -66,8 +67,9 @@ class Diagnosis {
   void setInput(const std::string& silence, const std::string& mixture);
 
   /// Moves the window of ten seconds forward; called once a second, before the reports. The window
-  /// does not move while the clock stands and nothing arrives (a paused bag). `clock_is_missing`:
-  /// ROS time is simulated and its clock never started.
+  /// does not move while the clock stands still and nothing arrives (a paused bag). `clock_stands`:
+  /// simulated ROS time has not changed since the last call. `clock_is_missing`: ROS time is
+  /// simulated, and its clock never started.
   void tick(bool clock_stands, bool clock_is_missing);
 
  private:
@@ -107,7 +109,7 @@ class Diagnosis {
   std::size_t next_period_ = 0;
   Clock::time_point period_start_ = Clock::now();
   Clock::time_point last_refusal_;
-  std::string last_error_;  // reason of the last refusal; empty if none was recent
+  std::string last_error_;  // reason of the last refusal; empty if nothing was refused recently
   Problems problems_;
   Problems faults_;
   std::string state_ = "works";

@@ -15,15 +15,15 @@
 
 namespace ktgp_orb {
 
-/// Base of nodelets that use images and the matcher's homographies. An image waits for its
-/// homography in an ImageStore. `Work` needs these functions, which are called when
-///   add(image), follow(homography)   an image or homography has arrived
-///   finish()                         all images and homographies that arrived were added
-///   restart()                        the inputs were unsubscribed
+/// Base class of the nodelets that use images and the matcher's homographies. `Work` keeps each
+/// image in an ImageStore until its homography arrives. `Work` needs these functions:
+///   add(image), follow(homography)   called for each image or homography that arrives
+///   finish()                         called when everything that has arrived was added
+///   restart()                        called after the inputs were unsubscribed
 template <typename Config, typename Work>
 class FrameConsumer : public ImageNode<Config, Work> {
  protected:
-  static constexpr std::size_t kImage = 1;  // kinds of jobs
+  static constexpr std::size_t kImage = 1;  // kinds of jobs of the worker
   static constexpr std::size_t kHomography = 2;
 
   void start() override {
@@ -76,8 +76,9 @@ class FrameConsumer : public ImageNode<Config, Work> {
     this->worker_.template put<&Work::follow>(kHomography, 0, message);
   }
 
-  /// Explains that the homographies are of raw images but the images are rectified, or vice versa.
-  /// Empty if both are of the same kind, or if the name of the topic does not tell the kind.
+  /// Returns an error text if the homographies are of raw images but the images are rectified, or
+  /// vice versa. Returns an empty text if both are of the same kind, or if the name of the topic
+  /// does not tell the kind.
   std::string mixtureOf(const HomographyStamped& message) const {
     const std::optional<Pixels> pixels = pixelsOf(images_->topic());
     if (!pixels || (*pixels == Pixels::rectified) == (message.rectified != 0)) return {};

@@ -35,10 +35,11 @@ std::string number(double value) {
 
 }  // namespace
 
-/// Holds the state of the motion, and the matches that wait for tf or the Imu.
+/// The worker's part of the nodelet: estimates the motion. Each match waits here until the
+/// camera_info and the readings from tf and the Imu at its time have arrived.
 class GroundWork {
  public:
-  /// `names` resolves the names of topics.
+  /// `names`: node handle that resolves the names of the topics.
   GroundWork(const ros::NodeHandle& names, const tf2::BufferCore& tf, Diagnosis& diagnosis,
              const ros::Publisher& twists, const ros::Publisher& odometry,
              std::atomic<bool>& is_waiting)
@@ -101,7 +102,7 @@ void GroundWork::addMatch(const MatchConstPtr& match) {
   }
 }
 
-/// Processes the waiting matches in order. A match waits up to max_age for late readings.
+/// Processes the waiting matches in order. A match waits for late readings, but at most max_age, s.
 void GroundWork::processComplete() {
   while (!waiting_.empty()) {
     const auto& [match, arrival] = waiting_.front();
@@ -206,8 +207,9 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   void listeningChanged(bool listening) override;
   void configure(GroundMotionConfig& config) override;
 
-  /// Adds an input. Up to `most` of its messages may wait for the worker; older ones are dropped.
-  /// Only dropped matches are counted, because each match continues the chain from frame to frame.
+  /// Adds an input. Up to `most` of its messages may wait for the worker; older messages are
+  /// dropped. The diagnostics count dropped matches only, because each match continues the chain
+  /// from frame to frame.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
     worker_.setLimits(kind, most);
@@ -219,7 +221,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
                              });
   }
 
-  static constexpr std::size_t kMatch = 1;  // kinds of jobs
+  static constexpr std::size_t kMatch = 1;  // kinds of jobs of the worker
   static constexpr std::size_t kCameraInfo = 2;
   static constexpr std::size_t kRange = 3;
   static constexpr std::size_t kImu = 4;
@@ -229,8 +231,8 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   Input* imus_ = nullptr;
   std::atomic<bool> sends_tf_{false};
   ros::WallTimer poll_;
-  std::atomic<bool> is_waiting_{false};  // a match waits for tf or the Imu
-  tf2_ros::Buffer tf_;                   // may be used from any thread, since it has its own lock
+  std::atomic<bool> is_waiting_{false};  // whether a match waits for tf or the Imu
+  tf2_ros::Buffer tf_;                   // has its own lock, so any thread may use it
   std::unique_ptr<tf2_ros::TransformListener> listener_;
 };
 
@@ -268,7 +270,7 @@ void GroundMotionNodelet::advertise() {
     const Covariance6 covariance = covarianceOf(request.pose);
     worker_.ask([&](GroundWork& work) { work.setPose(pose, covariance); });
   });
-  // Poll while a match waits, since tf may change without a message to this nodelet.
+  // Poll while a match waits, because new tf data do not wake the worker.
   poll_ = addTimer(data_queue_, 0.005, [this] {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });

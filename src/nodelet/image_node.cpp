@@ -15,7 +15,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 constexpr int kSilence = 3;  // an input counts as silent after this time without a message, s
 
-/// Whether ROS time is simulated and its clock never started.
+/// Returns true if ROS time is simulated and its clock never started.
 bool clockIsMissing() {
   return ros::Time::isSimTime() && ros::Time::now().isZero();
 }
@@ -75,7 +75,7 @@ void NodeBase::stop() {
   outputs_.shutdown();
   updater_.reset();
   // glibc gives each thread its own arena and keeps the memory that is freed there. Without this
-  // call, a manager grew by some 0.5 MB each time a nodelet was reloaded.
+  // call, a manager's memory grew by about 0.5 MB each time a nodelet was reloaded.
   giveMemoryBack();
 }
 
@@ -112,7 +112,8 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
   return added;
 }
 
-// Uses wall time, so that timers go on while a bag with --clock is paused.
+// Uses wall time, so that the timers keep running while a bag that is played with --clock is
+// paused.
 ros::WallTimer NodeBase::addTimer(CallbackThread& queue, double period,
                                   const std::function<void()>& tick) {
   timers_.push_back(node(queue).createWallTimer(ros::WallDuration(period),
@@ -132,7 +133,8 @@ void NodeBase::connectionsChanged() {
   if (changed && !wanted) listeningChanged(false);
 }
 
-/// Called when a frame is lost, for example because memory ran out. The next frame may work.
+/// Reports a frame that was lost because its job threw an exception, for example when memory ran
+/// out. The nodelet goes on, since the next frame may work.
 void NodeBase::failed(const std::exception& error) {
   const bool is_refusal = dynamic_cast<const RefusedImage*>(&error) != nullptr;
   diagnosis_.refuse((is_refusal ? "" : "frame lost: ") + std::string(error.what()));
@@ -168,9 +170,9 @@ void NodeBase::reportStamps() {
 }
 
 void NodeBase::reportRepeats() {
-  constexpr double kMost = 0.1;  // share of repeated images above which they are reported
-  // When a camera comes to a standstill, its images count as repeats until the standstill is
-  // noticed, after 0.1 s. A single stop causes at most this number of repeats.
+  constexpr double kMost = 0.1;  // a larger share of repeated images is reported
+  // When a camera stops, its images count as repeats until the standstill is noticed, after 0.1 s.
+  // One stop causes at most this many repeats, so no more than these are tolerated.
   constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));

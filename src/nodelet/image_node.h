@@ -26,16 +26,16 @@
 
 namespace ktgp_orb {
 
-/// The part of the nodelets' base class that does not depend on the types of parameters and work.
-/// It provides inputs that are subscribed while results are wanted, outputs, services, diagnostics,
-/// and a shutdown that is safe at any time.
+/// The part of the nodelets' base class that does not depend on the template parameters of
+/// ImageNode. It provides inputs that are subscribed only while somebody wants results, outputs,
+/// services, diagnostics, and a shutdown that is safe at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:
 ///   settings_queue_  parameters, connections, and inputs that change settings
-///   data_queue_      inputs that bring work
+///   data_queue_      inputs whose messages go to the worker
 ///   service_queue_   services that only send a job to the worker
 ///   long_queue_      services that do their work themselves
-///   slow_queue_      diagnostics and the watch of the inputs, which ask the master
+///   slow_queue_      diagnostics and input watches; both may wait for the ROS master
 class NodeBase : public nodelet::Nodelet {
  protected:
   /// Adds the inputs and reads the parameters. An exception ends the loading of the nodelet, and
@@ -45,13 +45,13 @@ class NodeBase : public nodelet::Nodelet {
   virtual void advertise() = 0;
   virtual void stopWorker() = 0;
   virtual void stopParameters() = 0;
-  /// Name of this nodelet's table of parameters, see parametersOf.
+  /// Name under which parametersOf() finds the parameters of this nodelet.
   virtual std::string nodelet() const = 0;
-  /// Name of the second report to the diagnostics.
+  /// Name of the diagnostics entry that reports on the work (see Diagnosis).
   virtual std::string workName() const = 0;
   /// Text for the log at start. It says what the nodelet does, and with which inputs.
   virtual std::string greeting() const = 0;
-  /// Whether results are wanted now.
+  /// Returns true while results are wanted.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
   /// Called after the inputs were subscribed or unsubscribed.
   virtual void listeningChanged(bool /*listening*/) {}
@@ -64,7 +64,8 @@ class NodeBase : public nodelet::Nodelet {
 
   ros::NodeHandle node(CallbackThread& queue) const;
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// Adds an input of images. The diagnostics report on the first input that was added.
+  /// Adds an input of images. The diagnostics entry "input" is about the first input that was
+  /// added.
   ImageInput& addImages(int queue_size, ImageInput::Callback callback);
   template <typename Message>
   Input& addInput(const std::string& name, const std::string& what, std::uint32_t queue_size,
@@ -99,7 +100,8 @@ class NodeBase : public nodelet::Nodelet {
   }
   ros::WallTimer addTimer(CallbackThread& queue, double period, const std::function<void()>& tick);
 
-  /// Subscribes or unsubscribes as needed; does nothing before the outputs are advertised.
+  /// Subscribes or unsubscribes the inputs as needed; does nothing before the outputs are
+  /// advertised.
   void connectionsChanged();
   bool isListening() const { return listening_; }
   void failed(const std::exception& error);
@@ -119,7 +121,7 @@ class NodeBase : public nodelet::Nodelet {
 
   void onInit() final;
   void tick();
-  /// Returns freed memory to the system; otherwise the allocator would keep it.
+  /// Gives freed memory back to the system; otherwise the allocator would keep it.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   void reportStamps();
@@ -165,7 +167,7 @@ class ImageNode : public NodeBase {
         diagnosis_.setValue("refused parameters", "");
       } catch (const std::exception& error) {
         if (!is_configured_) {
-          first_refusal_ = error.what();  // the caller would ignore an exception
+          first_refusal_ = error.what();  // dynamic_reconfigure would swallow an exception
           return;
         }
         refuseParameters(error.what());

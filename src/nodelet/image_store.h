@@ -11,21 +11,23 @@
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken: at most kImages images, and at
-/// most kLeast images if they need more than kBytes of memory.
+/// Stores the newest images by their stamps until they are taken. It stores at most the last
+/// kImages images. If they need more than kBytes of memory, it drops the oldest, but always stores
+/// the last kLeast images.
 class ImageStore {
  public:
-  static constexpr std::size_t kImages = 40;  // more than one second of images
+  static constexpr std::size_t kImages = 40;  // one second at 40 images per second
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Raises the limits kImages and kLeast by `images`. Takes effect with the next image.
+  /// Raises the limits kImages and kLeast by `images`, for a nodelet that takes each image that
+  /// many frames later. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
-  /// of kImages are not counted, since they are too old for a homography. Images that arrived
-  /// before an image that has been taken are not counted either. They never get a homography, since
-  /// they repeat another image or max_rate skipped them.
+  /// of kImages are not counted, since they are too old for a homography. If a later image has
+  /// already been taken, a dropped image is not counted either: the matcher skipped it as a
+  /// repeated image or because of max_rate, so its homography never comes.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();
@@ -76,7 +78,7 @@ class ImageStore {
   }
 
   std::uint64_t next_ = 1;
-  std::uint64_t passed_ = 0;  // number of the newest taken image
+  std::uint64_t passed_ = 0;  // number of the newest image that was taken
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
   std::multimap<ros::Time, Stored> images_;  // two images may have the same stamp

@@ -63,7 +63,7 @@ ImageInput::ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& priva
     : Input(node.resolveName("image"), "image"),
       transport_(node),
       transport_name_(private_node.param<std::string>("image_transport", "raw")),
-      // The last argument names the parameter that could choose another plugin.
+      // The last argument is the parameter with which users can choose another plugin.
       hints_(choosePlugin(), ros::TransportHints(), private_node, "image_transport_plugin"),
       queue_size_(
           static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)))),
@@ -82,8 +82,8 @@ void ImageInput::open() {
       ros::VoidPtr(), hints_);
 }
 
-// Each publisher of a topic has its own counter, so gaps have no meaning if there are two
-// publishers.
+// Each publisher of a topic has its own counter, so if there are several publishers, a gap between
+// two numbers does not mean that an image is lost.
 std::uint32_t ImageInput::lostBefore(const sensor_msgs::Image& image) {
   if (is_new_subscription_.exchange(false) || known_publishers_ > 1) numbers_.restart();
   return numbers_.lostBefore(image.header.seq);

@@ -34,10 +34,10 @@ class Input {
   /// Subscribes or unsubscribes. Call it again after enable().
   void subscribe(bool wanted);
 
-  /// The watch of this input; null if the silence of the input is not reported. Only the thread
-  /// that asks the master may use it.
+  /// Checks whether messages arrive (see InputWatch); null if missing messages are not reported.
+  /// Used only in the slow queue, because it waits for the answers of the ROS master.
   InputWatch* watch() { return watch_.get(); }
-  /// Sets the number of publishers of the topic; called by the thread that asks the master.
+  /// Sets the number of publishers of the topic; called in the slow queue.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
 
  protected:

@@ -5,7 +5,7 @@
 
 namespace ktgp_orb {
 
-/// The text "no WHAT on TOPIC", followed by the reason if it is known.
+/// Returns the text "no WHAT on TOPIC", followed by the reason if it is known.
 std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
 
 /// Checks once a second whether messages arrive on a topic, and reports likely causes if they do
@@ -35,7 +35,7 @@ class InputWatch {
  private:
   /// Restarts the count of silent seconds.
   void restart();
-  /// Asks the master why messages are missing; empty if it knows no reason.
+  /// Asks the master why messages are missing. Returns an empty text if the master gives no reason.
   std::string askMaster() const;
   /// The topic that the transport subscribes to.
   std::string wanted() const;

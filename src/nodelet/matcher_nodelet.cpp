@@ -61,7 +61,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   void matchPair(MatchPair::Request& request, MatchPair::Response& response);
   void setReference();
 
-  static constexpr std::size_t kImage = 1;  // kinds of jobs
+  static constexpr std::size_t kImage = 1;  // kinds of jobs of the worker
   static constexpr std::size_t kConfiguration = 2;
 
   // Set by start()
@@ -180,7 +180,7 @@ void MatcherNodelet::configure(KtgpConfig& config) {
   camera_info_->enable(config.rectify || settings_.configuration().sequence.matcher.geometry !=
                                              GeometryModel::homography);
   sendConfiguration();
-  // The parameters lazy and rectify may have changed.
+  // The parameters lazy and rectify may have changed, and with them the inputs that are needed.
   connectionsChanged();
 }
 
@@ -241,8 +241,9 @@ void MatcherNodelet::rereadReference(bool at_once) {
   }
 }
 
-// A frame that ~set_reference took is lost when the process ends. A parameter at the master records
-// that there was such a frame, so that the next process can report the loss.
+// The reference that ~set_reference took from the stream is lost when the process ends. A parameter
+// at the master records that there was such a reference, so that the next process can report the
+// loss.
 void MatcherNodelet::beforeReport() {
   ros::NodeHandle node = privateNode(slow_queue_);
   const bool holds = facts_.holds_set_reference;
@@ -284,11 +285,12 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   // Do not use the camera's lens and masks, since the images may be from another camera.
   configuration.view = {};
-  // Without waiting for the views, the only target would be matched without them.
+  // Wait for the simulated views of the reference. Otherwise the target, which is the only one,
+  // would be matched without them.
   configuration.sequence.views_in_background = false;
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   configuration.reference_frame = nullptr;
-  // Prefix of the error text, which otherwise would not say which image is wrong.
+  // Prefix of the error text. Without it, the text would not say which image is wrong.
   const char* image = "reference: ";
   try {
     MessageMatcher matcher(configuration);

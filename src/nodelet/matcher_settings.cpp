@@ -17,11 +17,13 @@ MatcherSettings::FileState MatcherSettings::stateOf(const std::string& path) {
   return {size, time};
 }
 
-/// The frame of a large reference. Its features take up to a second, which this thread can spend
-/// while the stream goes on. Null for a small reference, and if none is used.
+/// Returns the frame of a large reference image. Extracting its features takes up to a second, so
+/// we do it here, in the settings thread, while the worker goes on with the stream. Null if the
+/// reference is small or none is used.
 FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
                                             const Configuration& before) {
-  // px; the features of a smaller image take less time than the interval of 33 ms between images.
+  // px; extracting the features of a smaller image takes less than 33 ms, the time between two
+  // images.
   constexpr std::uint64_t kLarge = 1'000'000;
   const sensor_msgs::ImageConstPtr& image = wanted.reference_image;
   const bool is_used = wanted.sequence.reference.mode == ReferenceMode::fixed;

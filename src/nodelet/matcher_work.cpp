@@ -9,7 +9,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr std::uint32_t kDataQueue = 10;  // queue size, in messages, for a slow subscriber
+constexpr std::uint32_t kDataQueue = 10;  // number of messages that may wait for a slow subscriber
 
 // An overlay is drawn at least this often, even if newer images are always waiting.
 constexpr std::chrono::seconds kLongestWithoutOverlay{1};
@@ -30,11 +30,12 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  // Queue size 1: a slow subscriber should not lose data, but it needs only the newest picture.
+  // A slow subscriber should not lose data, so the other topics have a longer queue. Of the
+  // pictures, it needs only the newest.
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 
-/// Adds a topic. A message is made only if the topic has a subscriber.
+/// Adds a topic. `make` builds its message, and is called only while the topic has a subscriber.
 template <typename Message, typename Make>
 void MatcherWork::addTopic(Outputs& outputs, const std::string& name, Make make) {
   const ros::Publisher publisher = outputs.advertise<Message>(name, kDataQueue);
@@ -81,7 +82,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("homographies", homography == Status::ok ? 1 : 0);
   diagnosis_.count("inliers", match.match.inliers);
   diagnosis_.count(kStillThings, has_reference && match.match.hasStillThings() ? 1 : 0);
-  // Every sequence begins with one frame without a reference, so a single one is no problem.
+  // Every sequence begins with a frame without a reference, so one such frame is no problem.
   diagnosis_.setProblem("reference",
                         without_reference_ > 1 ? std::to_string(without_reference_) +
                                                      " frames in a row without a reference: " +
@@ -104,7 +105,8 @@ void MatcherWork::report(const SequenceMatch& match) {
   if (has_reference && status != Status::ok) facts_.last_failure = status;
 }
 
-/// Why points are in raw pixels although rectified points are wanted; empty: no problem.
+/// Says why points are in raw pixels although rectified points are wanted; empty if there is no
+/// problem.
 std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   const Configuration& configuration = matcher_.configuration();
   if (!configuration.rectify || match.frame->lens) return "";
@@ -118,7 +120,8 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 
-/// Why there is no motion although the two-view geometry is wanted; empty: no problem.
+/// Says why there is no motion although the two-view geometry is wanted; empty if there is no
+/// problem.
 std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
   const Configuration& configuration = matcher_.configuration();
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return "";
@@ -129,7 +132,7 @@ std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 
-// Called after the data are published, since they must not wait for the picture.
+// Called after the data are published, so that they do not wait until the picture is drawn.
 void MatcherWork::publishOverlay(const sensor_msgs::ImageConstPtr& image) {
   if (overlay_.getNumSubscribers() == 0) return;
   const auto start = Diagnosis::Clock::now();

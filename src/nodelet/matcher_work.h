@@ -20,10 +20,10 @@ constexpr const char* kStillThings = "frames with things that stand still";
 
 /// State that the worker shows to other threads.
 struct MatcherFacts {
-  std::atomic<bool> holds_set_reference{false};  ///< the reference is of ~set_reference
+  std::atomic<bool> holds_set_reference{false};  ///< ~set_reference took the reference
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
-      Status::ok};  ///< status of the last failure of a frame with a reference
+      Status::ok};  ///< status of the last frame that had a reference but failed
   std::atomic<bool> finds_geometries{false};  ///< whether two-view geometries are estimated, too
 };
 
@@ -66,7 +66,7 @@ class MatcherWork {
   std::vector<std::function<void(const MatchedFrame&)>> topics_;
   image_transport::Publisher overlay_;
   Diagnosis::Clock::time_point last_overlay_;
-  // Number of successive frames without a reference, up to the newest frame.
+  // Number of frames in a row without a reference, up to the newest frame.
   std::uint64_t without_reference_ = 0;
 };
 

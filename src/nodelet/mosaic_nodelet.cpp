@@ -72,7 +72,7 @@ class MosaicWork {
   ros::Publisher poses_;
   Mosaic mosaic_;
   Pixels pixels_;
-  sensor_msgs::CameraInfoConstPtr info_;  // null: not known
+  sensor_msgs::CameraInfoConstPtr info_;  // null: none has arrived yet
   cv::Size size_;                         // size of the newest image
   MosaicConfig config_;
   std_msgs::Header last_header_;                    // header of the last placed image
@@ -88,8 +88,8 @@ void MosaicWork::configure(const MosaicConfig& config) {
 /// Passes every homography to the mosaic, because they form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // Skips a frame whose stamp went back. If only this stamp is wrong, the chain is not broken. If
-  // the recording was looped, the next frame starts a new chain.
+  // Skip a frame whose stamp went back. If only its stamp is wrong, the next frame continues the
+  // chain of homographies. If the recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
                  homographyOf(*message, size_));
@@ -203,7 +203,7 @@ void MosaicNodelet::advertise() {
       "mosaic", 1, true, [this] { worker_.post([](MosaicWork& work) { work.publishPicture(); }); });
   const auto poses = outputs_.advertise<HomographyStamped>("homography", 10);
   addService<SaveMosaic>("save", long_queue_, [this](auto& request, auto& response) {
-    save(request, response);  // saving takes a while
+    save(request, response);  // in long_queue_, because saving takes a while
   });
   addService<Trigger>("reset", service_queue_, [this](auto& /*request*/, auto& response) {
     worker_.post([](MosaicWork& work) { work.reset(); });

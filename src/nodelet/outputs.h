@@ -27,7 +27,7 @@ class Outputs {
     topics_.push_back(node_.advertise<Message>(topic, queue_size, changed, changed));
     return topics_.back();
   }
-  /// `came` is called, after `changed`, when a subscriber is added.
+  /// `came` is called when a subscriber is added, after `changed`.
   image_transport::Publisher advertiseImage(
       const std::string& topic, std::uint32_t queue_size, bool latch = false,
       const Callback& came = [] {});

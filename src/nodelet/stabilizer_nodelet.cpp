@@ -72,8 +72,8 @@ void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
 
 void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
-  // Skips a frame whose stamp went back. If only this stamp is wrong, the chain is not broken. If
-  // the recording was looped, the next frame starts a new chain.
+  // Skip a frame whose stamp went back. If only its stamp is wrong, the next frame continues the
+  // chain of homographies. If the recording was looped, the next frame starts a new chain.
   if (message->reason == MatchStatus::REASON_STAMP_WENT_BACK) return;
   ready_.clear();
   rectified_ = message->rectified != 0;
@@ -86,8 +86,9 @@ void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   diagnosis_.setValue("restarts", std::to_string(restarts_));
 }
 
-// Over a network, an image may arrive after its homography, so wait for it until a newer image
-// arrives. A late worker processes only the newest frames and skips the others.
+// Over a network, an image may arrive after its homography, so this waits for the image until a
+// newer image has arrived. If the worker is late, it processes only the newest frames and skips the
+// others.
 void StabilizerWork::finish() {
   const std::size_t most = static_cast<std::size_t>(stabilizer_.options().lag) + 2;
   std::size_t complete = 0;
@@ -106,7 +107,8 @@ void StabilizerWork::finish() {
   }
 }
 
-/// Publishes the warp from pixels of the image to pixels of the steady image, and the steady image.
+/// Publishes the steady image, and the warp that maps pixels of the original image to pixels of the
+/// steady image.
 void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image) {
   const auto start = Diagnosis::Clock::now();
   const std_msgs::Header& header = image->header;

@@ -20,8 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The canonical path of a kept list. Two nodes may use different paths, such as links, for the
-/// same list. Throws std::invalid_argument with the reason if no list can be kept at this path.
+/// Returns the canonical path of `list`, the file in which a node keeps its list of targets. Two
+/// nodes may use different paths, such as links, for the same file. Throws std::invalid_argument
+/// with the reason if no list can be kept at this path.
 std::string realNameOf(const std::string& list) {
   std::error_code none;
   const fs::file_status status = fs::status(list, none);
@@ -39,7 +40,7 @@ std::string realNameOf(const std::string& list) {
   return none ? fs::absolute(list).string() : real.string();
 }
 
-/// The folder for the images of a kept list.
+/// Returns the folder for the images of the list that is kept in the file `list`.
 fs::path folderOf(const std::string& list) {
   return list + "_images";
 }
@@ -84,14 +85,15 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   if (list.empty()) return;
   std::vector<TargetEntry> entries = readTargetList(list);
   if (was_kept) {
-    // Drop the line numbers, which change with each target that is added or removed.
+    // Drop the line numbers of the entries in the list. They change whenever a target is added or
+    // removed.
     for (TargetEntry& entry : entries) entry.place.clear();
     deleteAllBut(entries);
   }
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
-/// Locks the folder of the images, since a lock on the list would end as soon as a new list
+/// Locks the folder of the images. A lock on the file of the list would end as soon as a new file
 /// replaces it.
 void TargetBook::lock() {
   const std::string folder = folderOf(file_).string();

@@ -35,7 +35,7 @@ class TargetBook {
   /// the list cannot be read, if another book uses it, or if the folder for its images cannot be
   /// created.
   void open(const std::string& targets, const std::string& file);
-  /// Path of the kept list, with links resolved; empty if no list is kept.
+  /// Path of the file in which the list is kept, with links resolved; empty if no list is kept.
   const std::string& file() const { return file_; }
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
@@ -44,7 +44,7 @@ class TargetBook {
   /// Number of refused targets and the reason for one of them, as text; empty if none is refused.
   std::string refusal() const;
 
-  /// Whether one of the targets has a frame for tf.
+  /// Returns true if one of the targets has a frame for tf.
   bool hasFrames() const;
 
   /// The following functions throw std::invalid_argument or RefusedImage with the reason, and then
@@ -66,15 +66,15 @@ class TargetBook {
   void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
-  /// Writes the new list to a file next to the kept list; commit() of the result replaces the kept
-  /// list. Null if no list is kept.
+  /// Writes the new list to another file beside the kept list; commit() of the result replaces the
+  /// kept list by it. Null if no list is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;
 
   UseFinder use_finder_;
   std::string file_;
-  int lock_ = -1;  // file descriptor of the image folder, which is locked; -1: none
+  int lock_ = -1;  // file descriptor of the locked image folder; -1: none
   Lists lists_;
   std::map<std::string, std::string> reasons_;  // reasons of refused targets, by id
 };

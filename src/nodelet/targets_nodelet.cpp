@@ -166,7 +166,7 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
   void detect(DetectTargets::Request& request, DetectTargets::Response& response);
   std::string sayAmbiguity(const std::string& id);
 
-  static constexpr std::size_t kImage = 1;  // kinds of jobs
+  static constexpr std::size_t kImage = 1;  // kinds of jobs of the worker
   static constexpr std::size_t kCameraInfo = 2;
 
   ImageInput* images_ = nullptr;

@@ -128,7 +128,7 @@ class Worker {
 
   ~Worker() { stop(); }
 
-  /// `afterwards` is called each time the worker has done all jobs that were waiting.
+  /// `afterwards` is called each time the worker has done all the jobs that were waiting.
   void start(std::unique_ptr<State> state, Failed failed, Job afterwards = nullptr) {
     state_ = std::move(state);
     failed_ = std::move(failed);
@@ -166,8 +166,8 @@ class Worker {
     using Result = decltype(question(std::declval<State&>()));
     auto task = std::make_shared<std::packaged_task<Result(State&)>>(std::move(question));
     std::future<Result> result = task->get_future();
-    // Only the job owns the task. If the job is dropped, the promise is broken and the wait below
-    // ends.
+    // Only the job owns the task, so if the job is dropped, the promise is broken and get() below
+    // throws instead of waiting forever.
     post([task = std::move(task)](State& state) { (*task)(state); });
     return result.get();
   }

@@ -31,8 +31,8 @@ void copyAsBgr(const cv::Mat& image, cv::Mat region) {
   }
 }
 
-// Capital letters of OpenCV's plain typeface are 21 px high at scale 1. Below a scale of 0.38 they
-// are illegible, even in a window that is 400 px wide.
+// At scale 1, capital letters of OpenCV's plain typeface are 21 px high. Below scale 0.38 they are
+// illegible, even in a window that is only 400 px wide.
 Typeface::Typeface(const cv::Size& size)
     : scale_(std::clamp(std::min(size.width / 1100.0, size.height / 800.0), 0.38, 3.0)),
       line_height_(static_cast<int>(std::lround(38.0 * scale_))),

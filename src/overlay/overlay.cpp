@@ -21,13 +21,14 @@ namespace {
 using util::format;
 using util::imagePoint;
 
-/// Whether index `i` is among `chosen` evenly spaced indices below `count`.
+/// Of the indices below `count`, chooses `chosen` that are evenly spaced. Returns true if `i` is
+/// one of them.
 bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
   return (i + 1) * chosen / count != i * chosen / count;
 }
 
-// Drawing positions have a resolution of a sixteenth of a pixel, so that the drawing does not jump
-// if the motion is slow.
+// We give drawing positions to OpenCV in 1/16 px: with whole pixels, the drawing would jump in slow
+// motions.
 constexpr int kFractionBits = 4;
 
 cv::Point subpixel(double x, double y) {
@@ -39,7 +40,8 @@ cv::Point subpixel(const cv::Point2f& p) {
   return subpixel(p.x, p.y);
 }
 
-/// Draws the dimmed image as a background. Returns false if the image is empty.
+/// Draws the image as a dimmed background: each value times `share`, plus `offset`. Returns false
+/// if the image is empty.
 bool drawDimmed(const cv::Mat& image, double share, double offset, cv::Mat& canvas) {
   canvas.create(image.size(), CV_8UC3);
   if (canvas.empty()) return false;
@@ -58,8 +60,8 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
   }
 }
 
-/// Draws a stroke for each final match from its reference position to its target position, and a
-/// dot at the target position.
+/// Draws each final match: a line from the keypoint's position in the reference to its position in
+/// the target, with a dot at the latter.
 void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
@@ -73,14 +75,15 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-/// Draws the border of the reference image into the target's part of the canvas. The border is
-/// mapped by the homography; nothing is drawn if there is none.
+/// Maps the border of the reference image by the homography and draws it on the target. Draws
+/// nothing if there is no homography.
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  // Cuts off the outline where the third coordinate of the mapped points falls to 1/50 of its
-  // largest value at the corners (see partInView): the points beyond are mapped towards infinity.
+  // Towards the horizon, points are mapped towards infinity, and their homogeneous coordinate z
+  // goes to 0. Cut the outline off where z is 1/50 of its largest value at the corners (see
+  // partInView).
   constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
@@ -89,18 +92,19 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // outside the range of OpenCV's drawing functions
     outline.push_back(subpixel(p.x(), p.y()));
   }
-  // A wider black line below the white line keeps it visible on white parts of the image.
+  // Draw a wider black line first, so that the white line is visible on white parts of the image,
+  // too.
   cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
   cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
 }
 
-/// If the geometry is epipolar, draws the epipolar lines of a few final matches into the target's
-/// part of the canvas. Because of lens distortion, a line may miss its match; such a line is left
-/// out.
+/// If the geometry is epipolar, draws the epipolar lines of a few final matches on the target. Lens
+/// distortion bends the true lines, so a straight line may miss its match; such a line is not
+/// drawn.
 void drawEpipolarLines(const FrameView& reference, const FrameView& target,
                        const MatchResult& result, int stroke, cv::Mat& canvas) {
   constexpr std::size_t kLines = 8;
-  constexpr double kMost = 3.0;  // largest distance between a line and its match, px
+  constexpr double kMost = 3.0;  // px; largest distance of a line from its match
   if (result.geometry != Geometry::epipolar) return;
   const std::size_t count = countAtLeast(result.correspondences, Level::ktgp);
   std::size_t i = 0;
@@ -114,7 +118,7 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
     const Eigen::Vector2d match(at.x, at.y);
     const double distance = line.dot(match.homogeneous()) / line.head<2>().norm();
     if (!(std::abs(distance) < kMost)) continue;
-    // The line is drawn across the whole canvas; its middle is the point nearest to the match.
+    // Draw the line across the whole canvas. Its middle is the point that is nearest to the match.
     const Eigen::Vector2d along =
         (canvas.cols + canvas.rows) * Eigen::Vector2d(-normal.y(), normal.x());
     const Eigen::Vector2d middle = match - distance * normal;
@@ -125,7 +129,7 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
   }
 }
 
-/// Draws OverlayStyle::flow without the panel.
+/// Draws the style OverlayStyle::flow, but not the panel.
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.7, 15.0, canvas)) return;
@@ -138,8 +142,8 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 
-/// Draws the reference at the left and the target at the right. The area below the shorter image is
-/// black.
+/// Draws the reference on the left and the target on the right. The area below the shorter image
+/// stays black.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas) {
   canvas.create(std::max(reference.rows, target.rows), reference.cols + target.cols, CV_8UC3);
   canvas.setTo(cv::Scalar::all(0));
@@ -147,9 +151,9 @@ void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& ca
   if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
 }
 
-/// Draws reference and target side by side, and dots for the matches of `level` or above. At most
-/// 150 of these matches, evenly chosen, also get a line, since a thousand lines would hide both
-/// images. `removed`: whether matches below `level` are drawn as dots, too.
+/// Draws the reference and the target side by side, with dots for the matches that reached `level`.
+/// At most 150 of these matches, evenly chosen, also get a line, because a thousand lines would
+/// hide both images. `removed`: if true, matches below `level` get dots, too.
 void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  Level level, bool removed, cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);
@@ -189,9 +193,10 @@ cv::Mat toGrey(const cv::Mat& image) {
   return grey;
 }
 
-/// Draws OverlayStyle::difference without the panel. Each pixel is 128 + (target - warped
-/// reference) / 2 in grey values, after both images were given the same mean and contrast. The
-/// darkened target is shown outside the warped reference, or everywhere if there is no homography.
+/// Draws the style OverlayStyle::difference, but not the panel. Each grey value is 128 + (target -
+/// warped reference) / 2, after the reference was given the mean and contrast of the target. Where
+/// the warped reference does not reach (everywhere, if there is no homography), the darkened target
+/// is shown.
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
@@ -222,7 +227,8 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-/// The part of the headline that describes the two-view geometry.
+/// The part of the headline about the two-view geometry: the parallax, and the doubt if there is
+/// one.
 std::string motionText(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
   std::string text;
@@ -254,10 +260,10 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
   return text;
 }
 
-/// Draws the panel at the left. Its first row is `top`, or row 0 if there is not enough room below
-/// `top`. The panel shows the status, the time in milliseconds and the uncertainty of the corners.
-/// For each stage it shows a label, the number of matches that ended there, and a bar in the colour
-/// of the stage. `reference_size`: size of the reference image, px.
+/// Draws the panel on the left side. It begins at row `top`, or at row 0 if it does not fit below
+/// `top`. It shows the status, the time in milliseconds and the standard deviation of the corners.
+/// For each stage, it shows a label, the number of matches that got no further, and a bar in the
+/// colour of the stage. `reference_size`: size of the reference image, px.
 void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
                cv::Mat& canvas) {
   const Typeface face(canvas.size());
@@ -268,7 +274,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, int to
   for (const Correspondence& c : result.correspondences) {
     ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
   }
-  // Inliers include the guided matches.
+  // result.inliers also counts the guided matches, which are not in `correspondences`.
   if (result.status == Status::ok) counts.back() = result.inliers;
   const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
 
@@ -329,8 +335,8 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
       overlay::drawDifference(reference, target, result, canvas);
       break;
   }
-  // In the style side_by_side, a reference that is shorter than the target leaves room for the
-  // panel below it.
+  // In the style side_by_side, there is free space below a reference that is shorter than the
+  // target: put the panel there.
   const int top = style == OverlayStyle::side_by_side ? reference.image.rows : 0;
   overlay::drawPanel(result, reference.image.size(), top, canvas);
 }

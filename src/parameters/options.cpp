@@ -35,7 +35,7 @@ void setAll(const Value& value, const std::tuple<Options&...>& options) {
   std::apply([&](Options&... option) { (set(option, value), ...); }, options);
 }
 
-/// The options of the core, set from the parameters.
+/// Sets the options of the matching library from the parameters.
 SequenceOptions optionsFrom(const Parameters& p) {
   SequenceOptions options;
   OrbOptions& orb = options.orb;
@@ -49,9 +49,10 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether to choose options for a fixed reference: true if reference_mode is fixed and the user
-/// has set no preset, or only video. T_w shows whether another preset was set: ktgp and teblid set
-/// T_w to the threshold of a descriptor, and the presets for strongly different views set T_w to 1.
+/// Returns true if we should choose options that suit a fixed reference: if reference_mode is
+/// fixed, and the user has set no preset or only the preset video. T_w shows whether another preset
+/// was set: ktgp and teblid set T_w to the threshold of their descriptor, and the presets for
+/// strongly different views set T_w to 1, mutual to true and gms to false.
 bool choosesForFixed(const Parameters& p) {
   const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
                               p.T_w == ratioThreshold(DescriptorKind::teblid) ||
@@ -59,7 +60,8 @@ bool choosesForFixed(const Parameters& p) {
   return p.reference_mode == "fixed" && !is_of_a_preset;
 }
 
-/// Options for views that differ strongly from a fixed reference.
+/// The parameters that suit a fixed reference, because it may be seen from a very different
+/// viewpoint.
 Parameters wantedForFixed() {
   Parameters wanted;
   wanted.features = 5000;
@@ -69,11 +71,12 @@ Parameters wantedForFixed() {
   wanted.gms = false;
   wanted.views = 13;
   wanted.search_radius =
-      48.0;  // px, as in preset video; points that move farther are searched in the whole image
+      48.0;  // px, as in preset video; if points move farther, the whole image is searched
   return wanted;
 }
 
-/// Replaces every option that has its default value, even if a user set that value by hand.
+/// Replaces every parameter that has its default value by the value of wantedForFixed(), even if
+/// the user set the default value by hand.
 Parameters chosenForFixed(const Parameters& given) {
   const Parameters usual;
   const Parameters wanted = wantedForFixed();
@@ -106,7 +109,8 @@ std::string noteOnFixed(const Parameters& parameters) {
 }
 
 std::string noteOnSize(int longer_side) {
-  // Longer images get advice, px. At this length, the top of the pyramid's 8 levels has 700 px.
+  // The user gets advice if the longer side is above this, px. At this length, the smallest of the
+  // pyramid's 8 levels is still 700 px long.
   constexpr int kLargest = 2500;
   if (longer_side <= kLargest) return {};
   return "the images are " + std::to_string(longer_side) +

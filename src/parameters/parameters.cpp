@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Names of the choices that a text describes: for example, a and b for "a: text; b: text".
+/// Returns the names in a text that describes choices: for example, a and b for "a: text; b: text".
 std::vector<std::string> namesOfChoices(const std::string& choices) {
   std::vector<std::string> names;
   std::istringstream entries(choices);
@@ -69,7 +69,8 @@ std::vector<ParameterRow> readRows() {
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;
-  // Keep this variable: GCC 13 and 14 would warn of a dangling reference if it were a temporary.
+  // Keep this variable: if parametersOf() got a temporary string, GCC 13 and 14 would warn of a
+  // dangling reference.
   const std::string matcher = "matcher";
   for (const ParameterInfo& info : parametersOf(matcher)) {
     rows.push_back({info, fields[rows.size()]});
@@ -83,7 +84,8 @@ std::vector<ParameterRow> readRows() {
                               info.expected());
 }
 
-/// Reads the whole text as a number, whatever the locale; false if it is not a number.
+/// Reads the whole text as a number, independent of the locale. Returns false if it is not a
+/// number.
 bool parse(const std::string& text, double& number) {
   std::istringstream in(text);
   in.imbue(std::locale::classic());
@@ -118,7 +120,7 @@ std::string textOf(const std::string& value) {
 std::string textOf(double value) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
-  for (const int digits : {6, 15, 17}) {  // finds the shortest text that gives the same number
+  for (const int digits : {6, 15, 17}) {  // take the shortest text that gives the same number
     out.str("");
     out.precision(digits);
     out << value;

@@ -19,13 +19,13 @@ struct Parameters {
 #include "parameters/table_end.def"
 };
 
-/// Allowed values of a number, both ends included.
+/// The range of allowed values of a number; both ends are allowed.
 class Limits {
  public:
   Limits() = default;
   Limits(double low, double high);
 
-  /// Returns false for NaN.
+  /// Returns true if `value` is within the limits; false for NaN.
   bool contains(double value) const;
   /// The limits as text, for example "[0, 1]".
   const std::string& text() const { return text_; }
@@ -38,7 +38,8 @@ class Limits {
   double high_ = 0.0;
 };
 
-/// A row of a nodelet's parameter table (parameters/*.def).
+/// A row of the parameter table of a nodelet (parameters/*.def): all that is known about a
+/// parameter, except its value.
 struct ParameterInfo {
   enum class Kind { boolean, whole, number, text };
 
@@ -47,18 +48,20 @@ struct ParameterInfo {
   Kind kind;
   std::string text;
   std::string unit{};
-  Limits limits{};                     ///< range of a number
-  std::vector<std::string> choices{};  ///< allowed texts; empty: any
+  Limits limits{};                     ///< limits of a number; not used for other kinds
+  std::vector<std::string> choices{};  ///< allowed texts; if empty, any text is allowed
 
-  /// Text that describes the allowed values: "a number in [0, 1]", "range or tf_height", ...
+  /// Returns a text that describes the allowed values: "a number in [0, 1]", "range or tf_height",
+  /// ...
   std::string expected() const;
 };
 
-/// The parameter table of `nodelet`, which is "matcher", "mosaic", "stabilizer", "targets" or
-/// "ground_motion". Throws std::invalid_argument for another name.
+/// Returns the parameter table of `nodelet`, which is "matcher", "mosaic", "stabilizer", "targets"
+/// or "ground_motion". Throws std::invalid_argument for another name.
 const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
-/// The row of parameter `name`. Throws std::invalid_argument for an unknown nodelet or parameter.
+/// Returns the row of the parameter `name`. Throws std::invalid_argument for an unknown nodelet or
+/// parameter.
 const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
 
 /// A parameter of the matcher, and the member of Parameters that holds its value.
@@ -68,21 +71,22 @@ struct ParameterRow : ParameterInfo {
   Field field;
 };
 
-/// All rows of the matcher's table, in the order of the table.
+/// Returns all rows of the matcher's table, in the order of the table.
 const std::vector<ParameterRow>& parameterRows();
 
-/// The row with that name, or null.
+/// Returns the row of the matcher's parameter `name`, or null if there is none.
 const ParameterRow* findParameter(const std::string& name);
 
-/// Sets the parameter from text: "0.66", "true", "keyframe". Throws std::invalid_argument with the
-/// parameter, the text and what is expected.
+/// Sets the parameter of `row` from a text such as "0.66", "true" or "keyframe". Throws
+/// std::invalid_argument, with the parameter, the text and what is expected, if the text is not an
+/// allowed value.
 void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters);
 
-/// The parameter's value as a text that setParameter() accepts.
+/// Returns the value of the parameter as a text that setParameter() accepts.
 std::string valueText(const ParameterRow& row, const Parameters& parameters);
 
-/// Throws std::invalid_argument with the parameter, the value and what is expected, for a value
-/// outside its limits, NaN, or an unknown choice.
+/// Checks all values. Throws std::invalid_argument, with the parameter, the value and what is
+/// expected, for a value outside its limits, NaN, or an unknown choice.
 void requireValid(const Parameters& parameters);
 /// Checks one value in the same way. The text of the exception begins with `name`.
 void requireValid(const ParameterInfo& info, const std::string& name, double value);

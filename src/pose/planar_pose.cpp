@@ -33,18 +33,18 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
   return m;
 }
 
-/// Whether the target is in front of the camera and its face is turned to the camera.
+/// Returns true if the target is in front of the camera and its face is turned towards the camera.
 bool isSeen(const Eigen::Isometry3d& pose) {
   return pose.translation().z() > 0.0 && pose.linear().col(2).dot(pose.translation()) > 0.0;
 }
 
-/// The two solutions of IPPE for the four corners. Solutions that are behind the camera, or in
-/// which the target's face is turned away, are left out.
+/// Returns the solutions of IPPE for the four corners, at most two. Solutions in which the target
+/// is behind the camera or its face is turned away are left out.
 std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
                                         const Eigen::Matrix3d& camera, const cv::Size& size,
                                         const Eigen::Matrix3d& target_from_reference) {
   std::vector<cv::Point3d> on_target;
-  std::vector<cv::Point2d> on_image;  // the corners in the image, for a focal length of 1
+  std::vector<cv::Point2d> on_image;  // corners in normalised coordinates (K = identity)
   const Eigen::Matrix3d to_plane = camera.inverse() * homography;
   const double sign =
       to_plane.row(2).dot(Eigen::Vector3d(0.5 * size.width, 0.5 * size.height, 1.0));
@@ -61,7 +61,7 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
     cv::solvePnPGeneric(on_target, on_image, cv::Matx33d::eye(), cv::noArray(), turns, shifts,
                         false, cv::SOLVEPNP_IPPE);
   } catch (const cv::Exception&) {
-    return {};  // the corners are on a line
+    return {};  // the four corners lie on a line
   }
   for (std::size_t i = 0; i < turns.size(); ++i) {
     cv::Matx33d turn;
@@ -75,17 +75,19 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
 }
 
 /// The problem for estimation::RobustFit: find the pose whose homography from the reference to the
-/// image is nearest to a given homography, in units of the standard deviations of the entries.
+/// image is nearest to a given homography. `whitening` weights the differences of the entries with
+/// the covariance of the given homography.
 struct PoseProblem {
   using State = Eigen::Isometry3d;
 
-  Vector8 wanted;  // entries of the given homography
+  Vector8 wanted;  // first eight entries of the given homography
   util::SmallMatrix whitening;
   Eigen::Matrix3d camera, target_from_reference;
   int parameters = 6;  // number of fitted parameters; 3 if the rotation is held fixed
 
-  /// The pose after a step. The first three entries move the target in x, y and z, in units of its
-  /// distance. The last three rotate it in place about the camera's axes, rad.
+  /// The pose after a step. The first three entries of the step move the target in x, y and z, in
+  /// units of its distance z. The last three rotate it about its own origin, with axes parallel to
+  /// the camera's axes, rad.
   static Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const estimation::Step& step) {
     Eigen::Isometry3d out = pose;
     if (step.size() > 3) out.linear() = util::rotationAbout(step.tail<3>()) * pose.linear();
@@ -101,7 +103,8 @@ struct PoseProblem {
 
   void linearise(const Eigen::Isometry3d& pose, estimation::RobustWeights& /*all 1*/,
                  estimation::NormalEquations& sums) const {
-    // Relative step of the finite differences. With this step, they are accurate to 1e-10.
+    // Step of the finite differences, in the units of moved(). With this step, they are accurate to
+    // 1e-10.
     constexpr double kStep = 1e-6;
     util::SmallMatrix slope(8, parameters);
     for (int i = 0; i < parameters; ++i) {
@@ -113,11 +116,13 @@ struct PoseProblem {
   }
 };
 
-/// Result of the fit that starts at `pose`; empty if it does not converge in front of the camera.
+/// Fits a pose, starting at `pose`. Empty if the fit does not converge, or if the target is then
+/// behind the camera or turned away.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
   rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
-  // Largest step at convergence: rad for the rotation, share of the distance for the position.
+  // The fit has converged if no entry of a step is larger: rad for the rotation, share of the
+  // distance for the position.
   rules.converged = 1e-7;
   rules.first_damping = 1e-3;
   estimation::RobustFit<const PoseProblem> fit;
@@ -137,17 +142,16 @@ std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   return found;
 }
 
-/// The rotation about the camera's axes (a rotation vector, rad) that turns one pose into the
-/// other.
+/// The rotation about the camera's axes that turns `from` into `to`, as a rotation vector, rad.
 Eigen::Vector3d rotationBetween(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to) {
   const Eigen::AngleAxisd between(Eigen::Matrix3d(to * from.transpose()));
   return between.angle() * between.axis();
 }
 
-/// The second pose of an ambiguous view. If errors are large, the fit may have only one minimum,
-/// although the other solution of IPPE explains the homography nearly as well and lies outside the
-/// covariance of that minimum. In this case this function holds the rotation of the other solution
-/// fixed and fits only the position. Empty if there is no such solution.
+/// Returns the second pose of an ambiguous view. If the errors are large, the fits from both starts
+/// may end at the same pose `found`, although a start (a solution of IPPE) outside the covariance
+/// of `found` explains the homography nearly as well. For this start, the function keeps the
+/// rotation and fits only the position. Empty if there is no such start.
 std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PoseProblem& problem,
                                            const std::vector<Eigen::Isometry3d>& starts) {
   constexpr double kReached = 11.34;  // 99 % quantile of chi-square with three degrees of freedom
@@ -170,8 +174,9 @@ std::optional<PlanarPose> poseOfRivalStart(const PlanarPose& found, const PosePr
   return fitFrom(*rival, held);
 }
 
-/// Returns the matrix W with W covariance W' = I. Entries of H differ in size by five orders of
-/// magnitude, so each entry is first divided by its standard deviation.
+/// Returns the matrix W for which W covariance W' is the identity. The entries of a homography
+/// differ in size by five orders of magnitude, so each entry is first divided by its standard
+/// deviation.
 std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
   const Vector8 deviation = covariance.diagonal().cwiseSqrt();
   if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return std::nullopt;
@@ -183,18 +188,18 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 }
 
 // The scale of the errors is unknown, because the covariance does not include the effect of a wrong
-// K, or of a picture whose proportions differ from the object's. The prior of the squared scale
-// weighs as much as kPrior measurements with the claimed scale. The likelihood of a pose then
-// follows from Student's t distribution of its squared error. With kPrior = 1, the 50, 75 and 90 %
-// quantiles of the squared error should be 3, 15 and 99; in the frames of a real video, they were
-// 5, 21 and 71.
+// K, or of a picture whose proportions differ from the object's. So the scale is estimated, with a
+// prior that counts as much as kPrior measurements and says that the covariance is right. The
+// likelihood of a pose is then a Student's t density of its squared error. With kPrior = 1, the 50,
+// 75 and 90 % quantiles of the squared error should be 3, 15 and 99; in the frames of a real video,
+// they were 5, 21 and 71.
 constexpr double kPrior = 1.0;
-constexpr double kFreedom = 2.0;  // eight entries of H minus six parameters of a pose
+constexpr double kFreedom = 2.0;  // degrees of freedom: eight entries of H - six of a pose
 
-/// Sorts two poses by their likelihood and sets their shares. Removes the second pose if it is much
-/// less likely than the first.
+/// Sorts two poses by their likelihood and sets PlanarPose::share. Removes the second pose if it is
+/// much less likely than the first.
 void setShares(std::vector<PlanarPose>& poses) {
-  constexpr double kLeastShare = 0.001;  // least share of the likelihood that a pose must have
+  constexpr double kLeastShare = 0.001;  // a second pose with a smaller share is removed
   if (poses.size() < 2) return;
   if (poses[1].squared_error < poses[0].squared_error) std::swap(poses[0], poses[1]);
   const double ratio = (kPrior + poses[0].squared_error) / (kPrior + poses[1].squared_error);
@@ -205,8 +210,8 @@ void setShares(std::vector<PlanarPose>& poses) {
   poses.pop_back();
 }
 
-/// Fits a pose from each start. If only one pose is found, for example because both fits end at the
-/// same pose, adds the pose of the rival start, if there is one (see poseOfRivalStart).
+/// Fits a pose from each start. If this gives only one pose, for example because both fits end at
+/// the same pose, adds the pose of poseOfRivalStart(), if there is one.
 std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
                                   const PoseProblem& problem) {
   constexpr double kSame = 1e-4;  // rad
@@ -226,8 +231,9 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
   return poses;
 }
 
-// Size of a grid of points that covers a reference image. A rolling shutter bends the picture, so
-// the homography is fitted to the whole picture, not only to its corners.
+// Numbers of columns, rows and points of a grid that covers the reference image. A rolling shutter
+// bends the picture, so a homography must be fitted to points of the whole picture, not only to its
+// corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
@@ -242,7 +248,8 @@ GridPoints gridOf(const cv::Size& size) {
   return points;
 }
 
-/// Jacobian of the mapped points with respect to the entries of the homography.
+/// Jacobian of the positions of the mapped points with respect to the first eight entries of the
+/// homography.
 util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& homography) {
   util::SmallMatrix jacobian(2 * kGridPoints, 8);
   for (int i = 0; i < kGridPoints; ++i) {
@@ -251,9 +258,9 @@ util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& ho
   return jacobian;
 }
 
-/// Least-squares fit of `homography`, which shall map `points` to `wanted`, by Gauss-Newton steps.
-/// The given homography must already be near the result. Returns the Jacobian of the mapped points
-/// with respect to the entries of the fitted homography.
+/// Fits `homography` by least squares so that it maps `points` to `wanted`. Takes Gauss-Newton
+/// steps, so the given homography must already be near the result. Returns jacobianAt() of the
+/// fitted homography.
 util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
                            Eigen::Matrix3d& homography) {
   constexpr int kSteps = 3;
@@ -270,13 +277,14 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   return jacobian;
 }
 
-/// Adds the uncertainty of an unknown readout time to `now`. The error due to this time stays the
-/// same as long as the motion does, so it is added to the shared covariance, too.
+/// Adds the uncertainty due to the unknown readout time to the covariance of `now`. This error
+/// stays the same from frame to frame while the motion stays the same, so it is added to the shared
+/// covariance, too.
 UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
-  // An image is read out completely before the next one begins, so the readout time is at most
-  // `seconds`, in either direction.
+  // An image is read out completely before the next image begins, so the readout time is within +-
+  // `seconds`. The uniform distribution over this range has the deviation seconds / sqrt(3).
   const double deviation = std::min(util::kUnknownReadout, seconds / std::sqrt(3.0));
   const Vector8 change =
       util::entriesOf(
@@ -361,7 +369,7 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
   by_now = util::leastSquares(by_answer, by_now).solution;
   by_before = util::leastSquares(by_answer, by_before).solution;
   // The smooth errors (shared_covariance) are about the same in both homographies, so they are
-  // propagated together; the noise of the two homographies is independent.
+  // propagated as one common error; the noise of the two homographies is independent.
   const Covariance8 noise_now = now.covariance - now.shared_covariance;
   const Covariance8 noise_before = before.covariance - before.shared_covariance;
   answer.shared_covariance = util::propagated(by_now + by_before, now.shared_covariance);

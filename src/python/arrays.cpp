@@ -24,7 +24,8 @@ bool isWide(const py::array& array) {
   return py::isinstance<py::array_t<std::uint16_t>>(array);
 }
 
-/// Refuses a masked array with hidden values, because NumPy would silently drop the mask.
+/// Throws if `object` is a masked array that hides values, because NumPy would silently drop the
+/// mask.
 void refuseMasked(const py::handle& object, const std::string& name) {
   if (!py::hasattr(object, "filled") || !py::hasattr(object, "mask")) return;
   if (!object.attr("mask").attr("any")().cast<bool>()) return;
@@ -32,8 +33,8 @@ void refuseMasked(const py::handle& object, const std::string& name) {
                         "what is hidden in a mask of its own: (~array.mask).astype(np.uint8)");
 }
 
-/// The object as an array of uint8, or of uint16 if it `may_be_wide`, with contiguous rows. Copies
-/// the array only if its rows are not contiguous.
+/// Returns `object` as an array of uint8 (or uint16, if `may_be_wide`) with contiguous rows. Throws
+/// for any other object. Copies the array only if its rows are not contiguous.
 py::array bytesOf(const py::object& object, const std::string& name, bool may_be_wide = false) {
   const char* const expected = may_be_wide ? "uint8 or uint16" : "uint8";
   if (!py::isinstance<py::array>(object)) {
@@ -67,7 +68,7 @@ cv::Mat matrixOf(const py::array& array, int type) {
   const auto rows = static_cast<int>(array.shape(0));
   const auto columns = static_cast<int>(array.shape(1));
   if (rows == 0 || columns == 0) return {};
-  // cv::Mat cannot hold const pixels, but we only read the pixels.
+  // The cast is safe: cv::Mat has no constructor for const pixels, but we only read them.
   auto* const pixels = static_cast<std::uint8_t*>(const_cast<void*>(array.data()));
   return {rows, columns, type, pixels, static_cast<std::size_t>(array.strides(0))};
 }
@@ -108,7 +109,8 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
   return keypoints;
 }
 
-/// Refuses keypoints outside the image or with infinite numbers, which give wrong homographies.
+/// Throws if a keypoint is outside the image or has infinite numbers, because such keypoints lead
+/// to wrong homographies.
 void requireInside(const Features& features) {
   const cv::Size& size = features.image_size;
   for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
@@ -124,7 +126,8 @@ void requireInside(const Features& features) {
   }
 }
 
-/// The array as a grey or colour image of 8 or 16 bits, unchanged.
+/// Returns the array as a grey or colour image with 8 or 16 bits per channel; the values do not
+/// change.
 ImageArray anyImage(const py::object& image, const std::string& name) {
   ImageArray out{bytesOf(image, name, true), {}};
   const py::array& array = out.owner;
@@ -139,7 +142,8 @@ ImageArray anyImage(const py::object& image, const std::string& name) {
   return out;
 }
 
-/// Converts the colours, removes alpha and fills the pixels that alpha hides.
+/// Converts the colours of `pixels` with the OpenCV code `with_alpha` if there is an alpha channel,
+/// otherwise with `without`. Removes alpha, and fills the pixels that alpha hides.
 void convertColour(int with_alpha, int without, cv::Mat& pixels) {
   const cv::Mat given = std::exchange(pixels, cv::Mat());
   cv::cvtColor(given, pixels, given.channels() == 4 ? with_alpha : without);

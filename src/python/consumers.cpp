@@ -23,7 +23,7 @@
 namespace ktgp_orb::python {
 namespace {
 
-/// Getter for a property of a shared object.
+/// Makes the getter of a Python property that calls `get` on a shared object.
 template <typename Object, typename Value>
 auto getting(Value (Object::*get)() const) {
   return [get](Shared<Object>& shared) {
@@ -54,7 +54,7 @@ std::string addTarget(Targets& targets, const std::string& id, const py::object&
   });
 }
 
-/// A detected target with its poses; there are poses only if K is known.
+/// A detected target with its poses; it has poses only if the camera matrix K is known.
 struct PosedTarget : DetectedTarget {
   std::vector<PlanarPose> poses;
 };

@@ -42,7 +42,8 @@ py::list stagesOf(const Match& match) {
   return out;
 }
 
-/// Getter for a property of the most probable motion; returns None if there is no motion.
+/// Makes the getter of a Python property that returns `field` of the most probable motion, or None
+/// if there is no motion.
 template <typename Value>
 auto motionField(Value Motion::*field) {
   return [field](const Match& match) {
@@ -63,8 +64,8 @@ std::string textOf(const Match& match) {
          " inliers, found by " + match.found_by + ">";
 }
 
-/// Hints for the matcher. Throws std::invalid_argument if a K is given but options.geometry is
-/// homography, which does not use it.
+/// Makes the hints for the matcher from the camera matrices K. Throws std::invalid_argument if a K
+/// is given although options.geometry is homography, which does not use K.
 MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Matrix3d>& camera,
                    const std::optional<Eigen::Matrix3d>& target_camera) {
   if ((camera || target_camera) && options.geometry == GeometryModel::homography) {
@@ -101,7 +102,7 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   return std::make_shared<Match>(pair.match, pair.reference, pair.target, inputOf(hints));
 }
 
-/// An extractor that several Python threads may call; only one thread works at a time.
+/// An extractor that several Python threads may call; they work one after the other.
 class Extractor {
  public:
   explicit Extractor(const Settings& made_from)
@@ -122,11 +123,12 @@ class Extractor {
 
  private:
   Shared<OrbExtractor> extractor_;
-  // Reuses memory: allocating new images for each frame would take 2 % of the extraction time.
+  // A pool, so that memory is reused: allocating new images for each frame would take 2 % of the
+  // extraction time.
   util::Pool<Features> made_{4, [](Features&) {}};
 };
 
-/// A matcher that several Python threads may call; only one thread works at a time.
+/// A matcher that several Python threads may call; they work one after the other.
 class Matcher {
  public:
   explicit Matcher(const Settings& made_from)
@@ -215,7 +217,7 @@ void defineGeometry(MatchClass& match) {
                              "(M,) int32: their rows in the arrays of the matches.");
 }
 
-/// Defines the arrays with a row for each correspondence.
+/// Defines the properties that are arrays with a row for each correspondence.
 void defineRows(MatchClass& match) {
   match
       .def_property_readonly("stages", stagesOf,
@@ -277,8 +279,8 @@ void defineMatch(py::module& module) {
                       }));
 }
 
-/// The pickled state of features. It includes the images, because the sub-pixel alignment needs
-/// them.
+/// Returns the state of features for pickle. It includes the images, because the sub-pixel
+/// alignment needs them.
 py::tuple featuresState(const py::object& self) {
   const auto& features = self.cast<const Features&>();
   py::list images;
@@ -392,7 +394,8 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
   std::vector<ScenePoint> scene;
   triangulate(result.two_view.pairs, input, result.two_view.view, scene);
-  // Keypoints without a nearest neighbour have no row in the arrays.
+  // The row of each correspondence in the Python arrays, or -1: target keypoints without a nearest
+  // neighbour have no row there.
   std::vector<std::int32_t> rows;
   rows.reserve(result.correspondences.size());
   std::int32_t row = 0;
@@ -408,7 +411,8 @@ void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
 
 namespace {
 
-/// Converts a field for pickle and back. An array becomes the bytes of its memory.
+/// pickled() converts a field for pickle, and unpickle() converts it back. An array is stored as
+/// the bytes of its memory.
 template <typename Value>
 const Value& pickled(const Value& value) {
   return value;
@@ -430,8 +434,8 @@ void unpickle(const py::handle& bytes, std::vector<Value>& values) {
     std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
 }
 
-/// References to all fields except the stages. In the pickled state, the stages follow these
-/// fields.
+/// Returns references to all fields that pickle stores, except the stages, which follow these
+/// fields in the pickled state.
 template <typename AnyMatch>
 auto fieldsOf(AnyMatch& m) {
   return std::tie(m.status, m.found_by, m.answer.homography, m.answer.covariance,

@@ -26,9 +26,9 @@ struct Motion {
   std::optional<Covariance6> covariance;
 };
 
-/// The result for a pair of images, with the arrays that Python sees. The arrays have a row for
-/// each correspondence of the four stages, followed by a row for each correspondence that guided
-/// matching or growth added.
+/// The result for a pair of images, with the arrays that Python programs get. The arrays have a row
+/// for each correspondence of the four stages, followed by a row for each correspondence that
+/// guided matching or growth added.
 struct Match {
   struct Stage {
     std::string name;
@@ -38,8 +38,8 @@ struct Match {
   };
 
   Match() = default;
-  /// Copies the values of `result` and the positions of the features. `input`: the camera matrices,
-  /// which are needed for the points of the scene.
+  /// Copies the values of `result` and the positions of the features. `input`: contains the camera
+  /// matrices, from which the scene points are triangulated.
   Match(const MatchResult& result, const Features& reference, const Features& target,
         const TwoViewInput& input = {});
 
@@ -56,7 +56,8 @@ struct Match {
   std::optional<Motion> motion;
   std::optional<Motion> other;
   std::optional<Eigen::Matrix3d> fundamental;
-  /// Numbers of the two-view geometry; the keys are the names of two_view::visitNumbers.
+  /// Numbers of the two-view geometry; the keys are the names that two_view::visitNumbers gives
+  /// them.
   std::map<std::string, double> numbers;
   std::vector<Eigen::Vector3d> points;
   std::vector<double> point_deviations;
@@ -82,15 +83,15 @@ struct FrameMatch : Match {
   std::int64_t stamp = 0;  ///< ns
   std::int64_t reference_stamp = 0;
   cv::Size image_size;
-  cv::Size reference_size;            ///< empty: there is no reference
-  std::vector<std::uint64_t> tracks;  ///< track of the target keypoint, for each match
+  cv::Size reference_size;            ///< px; empty if there is no reference
+  std::vector<std::uint64_t> tracks;  ///< for each match: track number of its target keypoint
 };
 
 inline double secondsOf(std::int64_t stamp) {
   return 1e-9 * static_cast<double>(stamp);
 }
 
-/// Converts a match to its pickled state and back.
+/// stateOf() converts a match to its state for pickle, and restore() converts it back.
 py::tuple stateOf(const Match& match);
 void restore(const py::tuple& state, Match& match);
 

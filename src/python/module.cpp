@@ -1,6 +1,7 @@
 #include "python/match.h"
 
-// Python calls PyInit_ktgp_orb_core() below, which calls PyInit_checked(), defined here.
+// This macro defines PyInit_checked(). Python calls PyInit_ktgp_orb_core() below, which then calls
+// PyInit_checked().
 PYBIND11_MODULE(checked, module) {
   module.attr("__name__") = "ktgp_orb_core";
   module.attr("__version__") = KTGP_ORB_VERSION;
@@ -15,7 +16,7 @@ PYBIND11_MODULE(checked, module) {
   ktgp_orb::python::defineConsumers(module);
 }
 
-/// Refuses sub-interpreters, in which pybind11 would wait forever.
+/// Raises ImportError in a sub-interpreter, because pybind11 would wait forever there.
 // NOLINTNEXTLINE(readability-identifier-naming): the name that Python looks for
 extern "C" PYBIND11_EXPORT PyObject* PyInit_ktgp_orb_core() {
   if (PyThreadState_Get()->interp != PyInterpreterState_Main()) {

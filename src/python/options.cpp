@@ -20,7 +20,7 @@ bool obeys(Scope scope, const ParameterRow& row) {
 }
 
 std::string textOf(const ParameterRow& row, const py::handle& given) {
-  // Converts a NumPy scalar to a Python object.
+  // If the value is a NumPy scalar, item() converts it to a Python number.
   const bool is_scalar = py::hasattr(given, "dtype") && py::hasattr(given, "item");
   const auto value =
       is_scalar ? py::object(given.attr("item")()) : py::reinterpret_borrow<py::object>(given);
@@ -36,9 +36,9 @@ std::map<std::string, Parameters> readPresets() {
   return all;
 }
 
-/// The parameters of a preset. Throws std::invalid_argument for an unknown name.
+/// Returns the parameters of a preset. Throws std::invalid_argument for an unknown name.
 Parameters presetNamed(const std::string& name) {
-  // Read the presets only once, since reading YAML takes 2 % of the time of matching two images.
+  // Reads the presets only once, because reading the YAML takes 2 % as long as matching two images.
   static const std::map<std::string, Parameters> all = readPresets();
   const auto found = all.find(name);
   if (found != all.end()) return found->second;

@@ -8,19 +8,21 @@
 
 namespace ktgp_orb::python {
 
-/// The parameters that an object accepts: for a pair of images, or for a sequence.
+/// Which parameters an object accepts: those for matching a pair of images, or also those for a
+/// sequence.
 enum class Scope { pair, sequence };
 
-/// The arguments that an object was made from, which pickle needs.
+/// The constructor arguments of an object. They are stored so that pickle can make the same object
+/// again.
 struct Settings {
   pybind11::object preset;
   pybind11::kwargs changes;
 };
 
 /// The parameters of a preset, changed by keyword arguments such as T_w=0.8; doc/parameters.md
-/// lists their names. If a keyword changes the descriptor and none sets T_w, T_w becomes the
-/// default of the new descriptor. Throws std::invalid_argument for an unknown preset or name, a
-/// name outside `scope`, and a value out of its range.
+/// lists their names. T_w stays 0 if neither the preset nor a keyword sets it; pipelineOptions()
+/// then chooses the default of the descriptor. Throws std::invalid_argument for an unknown preset
+/// or parameter, a parameter that `scope` excludes, and a value that is out of range.
 Parameters parametersFrom(const Settings& settings, Scope scope);
 
 /// Defines __init__(preset, **parameters) and pickling for a class whose objects are made from

@@ -9,9 +9,10 @@
 
 namespace ktgp_orb::python {
 
-/// Releases the GIL so that other Python threads can run. A daemon thread that wants the GIL back
-/// after the interpreter has ended stops here forever, as in Python 3.14. Older versions end the
-/// thread by unwinding its stack, which would abort the process when it reaches C++ code.
+/// Releases the GIL so that other Python threads can run. If a daemon thread wants the GIL back
+/// after the interpreter has ended, it sleeps here forever, as it does in Python 3.14. Older
+/// versions of Python end such a thread by unwinding its stack, which would abort the process
+/// because C++ frames are on that stack.
 class WithoutGil {
  public:
   WithoutGil() = default;
@@ -36,10 +37,11 @@ class Shared {
   template <typename Options>
   explicit Shared(const Options& options) : object_(options) {}
 
-  /// Waits until no other thread uses the object, does the work with the GIL released, and returns
-  /// its result. The caller must hold the GIL, since Python forks only while it holds the GIL.
-  /// Throws std::runtime_error in a forked process if the object was in use at the fork: the thread
-  /// that used it does not exist there, so the wait would never end.
+  /// Waits until no other thread uses the object, calls `work` with the GIL released, and returns
+  /// its result. The caller must hold the GIL, because a Python thread forks only while it holds
+  /// the GIL. Throws std::runtime_error in a forked process if the object was in use at the time of
+  /// the fork: the thread that used it does not exist in the new process, so the wait would never
+  /// end.
   template <typename Work>
   auto use(const Work& work) {
     lock();
@@ -63,7 +65,7 @@ class Shared {
   }
 
   std::mutex mutex_;
-  pid_t process_ = getpid();  // process that used the object last
+  pid_t process_ = getpid();  // id of the process that used the object last
   Object object_;
 };
 

@@ -11,8 +11,8 @@
 
 namespace ktgp_orb {
 
-/// Copies a field between an answer and a message. A message stores a matrix as an array, row by
-/// row.
+/// Copies one field of a homography answer to a message field, or back. A message stores a matrix
+/// as an array, row by row.
 struct CopyField {
   void operator()(const char* /*name*/, double from, double& to) const { to = from; }
   template <int Size, int Options, std::size_t Entries>
@@ -27,13 +27,14 @@ struct CopyField {
   }
 };
 
-/// Copies the answer to a message that has all its fields: HomographyStamped or TargetDetection.
+/// Copies the answer to a message type that has all fields of UncertainHomography:
+/// HomographyStamped or TargetDetection.
 template <typename Message>
 void copyAnswer(const UncertainHomography& answer, Message& message) {
   homography::visitAnswer(CopyField(), answer, message);
 }
 
-/// The answer in the message; empty if no homography was found.
+/// Reads the answer from the message; empty if no homography was found.
 inline std::optional<UncertainHomography> answerOf(const HomographyStamped& message) {
   if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
   UncertainHomography answer;

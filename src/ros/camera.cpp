@@ -39,7 +39,8 @@ void requireCalibrated(const sensor_msgs::CameraInfo& info) {
   }
 }
 
-/// Adapts `camera`, calibrated for the whole sensor, to the region of interest and the binning.
+/// Adapts the camera matrix, which was calibrated for the whole sensor, to the region of interest
+/// and the binning of `info`.
 void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   camera(0, 2) -= info.roi.x_offset;
   camera(1, 2) -= info.roi.y_offset;
@@ -49,7 +50,8 @@ void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   }
 }
 
-/// Whether the lens moves no point, because it has neither distortion nor a rotation.
+/// Returns true if the lens leaves every point in place, because it has neither distortion nor a
+/// rectifying rotation.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
                                     [](double coefficient) { return coefficient != 0.0; });
@@ -119,8 +121,8 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   const cv::Matx34d projection(info.P.data());
   calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
   if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
-  // The principal point must be in the whole image, but it may be outside of a region of interest
-  // (roi).
+  // Check this before shrink(): the principal point must be in the whole image, but it may be
+  // outside of the region of interest.
   const cv::Size whole(static_cast<int>(info.width), static_cast<int>(info.height));
   util::requirePrincipalPoint("K of the camera_info", calibration.camera, whole);
   shrink(info, calibration.camera);
@@ -132,7 +134,8 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size) {
   requireCalibrated(info);
   sensor_msgs::CameraInfo known = info;
-  // Without distortion, the distortion model does not matter, and drivers leave its name empty.
+  // Without distortion, the distortion model does not matter, and drivers often leave its name
+  // empty.
   const bool distorts =
       info.distortion_model == "equidistant" ||
       std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });
@@ -163,7 +166,7 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   TwoViewInput input;
   input.reference_camera = camera.camera;
   input.reference_size = input.target_size = image_size;
-  estimateTwoView({}, {}, input);  // refuses a bad K at once, instead of with each frame
+  estimateTwoView({}, {}, input);  // throws for a bad K now, before the first frame
   return camera;
 }
 

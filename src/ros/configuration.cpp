@@ -31,7 +31,8 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.max_rate = parameters.max_rate;
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
-  // The matcher's constructor checks the other options. Set to one thread, it starts no threads.
+  // The constructor of SequenceMatcher checks the other options. For this check, limit the options
+  // to one thread, so that the constructor starts no threads.
   util::requireInRange("threads", parameters.threads, 0, 256);
   SequenceOptions options = c.sequence;
   options.orb.threads = options.matcher.knn.threads = 1;

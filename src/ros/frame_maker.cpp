@@ -14,7 +14,7 @@ namespace {
 
 using util::text;
 
-/// Sets `mask` to 0 where `other` is 0.
+/// Sets `mask` to 0 wherever the mask `other` is 0. `name`: name of `other` for the error message.
 void narrow(const cv::Mat& other, const std::string& name, cv::Mat& mask) {
   if (other.empty()) return;
   if (other.size() != mask.size()) {
@@ -48,7 +48,8 @@ cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message) {
 
 void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   const std::shared_ptr<PixelMemory> memory = memory_.take();
-  // Do not overwrite a matrix that a caller still uses although its frame was destroyed.
+  // If someone still uses the matrix of an earlier frame, although that frame was destroyed, leave
+  // the matrix to them and allocate a new one.
   if (util::isShared(memory->grey)) memory->grey.release();
   toFrame(message, stretch_, memory, frame);
   frame.mask = maskOf(frame.image.size());
@@ -59,8 +60,8 @@ void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   setCamera(frame);
 }
 
-/// Sets the camera, which is computed once for all images of one size. An unusable camera_info
-/// gives no camera; the node reports why.
+/// Sets the camera of the frame. The camera is computed again only if the image size changes. If
+/// the camera_info is unusable, the frame gets no camera; the node reports why.
 void FrameMaker::setCamera(Frame& frame) {
   frame.camera.reset();
   frame.camera_lens = nullptr;
@@ -76,11 +77,12 @@ void FrameMaker::setCamera(Frame& frame) {
   }
   if (!camera_) return;
   frame.camera = camera_->camera;
-  // If the points are rectified, they need no lens.
+  // If `frame.lens` already rectifies the keypoints, their distortion must not be removed again.
   frame.camera_lens = frame.lens ? nullptr : camera_->lens;
 }
 
-// The combined mask, computed once for all images of one size.
+// Combines all masks and the region of interest. The result is computed again only if the image
+// size changes.
 const cv::Mat& FrameMaker::maskOf(const cv::Size& size) {
   const bool masked = !view_.file_mask.empty() || !view_.sent_mask.empty();
   if ((!masked && view_.roi.empty()) || mask_.size() == size) return mask_;

@@ -15,32 +15,34 @@
 
 namespace ktgp_orb {
 
-/// What a FrameMaker needs to know about a camera: the used part of the images, the lens and the
-/// calibration.
+/// What a FrameMaker needs to know about a camera: which part of the images to use, the lens and
+/// the calibration.
 struct CameraView {
-  cv::Rect roi;       ///< px; empty: the whole image
-  cv::Mat file_mask;  ///< CV_8UC1, from mask_image; empty: none
-  cv::Mat sent_mask;  ///< CV_8UC1, from ~mask; empty: none
-  LensConstPtr lens;  ///< null: points stay in the pixels of the raw image
-  /// Calibration for the two-view geometry; null: not known.
+  cv::Rect roi;       ///< used part of the image, px; empty: the whole image
+  cv::Mat file_mask;  ///< CV_8UC1, from the file mask_image; empty: none
+  cv::Mat sent_mask;  ///< CV_8UC1, from the topic ~mask; empty: none
+  LensConstPtr lens;  ///< rectifies keypoints; null: keypoints stay in raw pixels
+  /// Calibration for the two-view geometry; null: unknown.
   sensor_msgs::CameraInfoConstPtr camera;
-  Pixels pixels = Pixels::raw;  ///< kind of the images of `camera`
+  Pixels pixels = Pixels::raw;  ///< whether the images are raw or rectified
 };
 
-/// Parses "x y width height", separated by blanks or commas; an empty rectangle for an empty text.
-/// Throws std::invalid_argument for anything else.
+/// Parses "x y width height", separated by blanks or commas, in px. Returns an empty rectangle for
+/// an empty text. Throws std::invalid_argument for anything else.
 cv::Rect roiFrom(const std::string& text);
 
-/// The mask in a message (see maskImage); empty for an image without pixels. Throws RefusedImage.
+/// Converts a message to a mask (see maskImage); the mask is empty if the message has no pixels.
+/// Throws RefusedImage.
 cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message);
 
-/// Creates frames from a camera's images. An instance belongs to one thread at a time.
+/// Creates frames from a camera's images. Not thread-safe: only one thread may use an instance at a
+/// time.
 class FrameMaker {
  public:
   FrameMaker(util::GreyStretch stretch, const CameraView& view) : stretch_(stretch), view_(view) {}
 
   /// Sets `frame` to the image of the message, without features. Throws RefusedImage if greyImage()
-  /// does, if a mask and the image differ in size, or if the roi is outside of the image.
+  /// does, if a mask has another size than the image, or if the roi does not lie inside the image.
   void make(const sensor_msgs::ImageConstPtr& message, Frame& frame);
 
  private:
@@ -49,11 +51,12 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  // Reused memory, so that images need no allocation in steady state.
+  // The memory of earlier frames is used again, so that nothing is allocated after the first
+  // images.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
   std::optional<PixelCamera> camera_;  // camera for images of the size `camera_size_`
   cv::Size camera_size_;
-  cv::Mat mask_;  // combination of all masks of view_, for images of the size of this matrix
+  cv::Mat mask_;  // all masks of view_ combined, for images of the size of mask_
 };
 
 }  // namespace ktgp_orb

@@ -23,8 +23,9 @@ namespace {
 constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
-/// Inserts a message in the order of the stamps. If `order` sets its stamp apart, the message is
-/// held in `apart`, and the next message decides.
+/// Inserts a message in the order of the stamps. If `order` finds that the stamp may be wrong (see
+/// StampOrder), the message is kept in `apart` until the next message shows whether the stamp was
+/// right.
 template <typename Message>
 void keep(const Message& message, util::StampOrder& order, std::deque<Message>& messages,
           std::optional<Message>& apart) {
@@ -53,12 +54,13 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
-// Standard deviations about each axis, rad, for tf and for an Imu that gives no covariance.
+// Standard deviations about each axis for readings without a covariance: of the direction of the
+// ground (rad), which tf or an Imu gives, and of the angular velocity, which an Imu gives.
 constexpr double kNormalDeviation = 0.5 * kDegree;
 constexpr double kGyroDeviation = 0.5 * kDegree;  // rad/s
 
-/// The largest standard deviation of the first `axes` axes; `usual` if the covariance is zero,
-/// which means that it is not known.
+/// The largest standard deviation of the first `axes` axes. Returns `usual` if the covariance is
+/// zero, because zero means "unknown" in sensor messages.
 template <typename Covariance>
 double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
   double largest = 0.0;
@@ -79,8 +81,9 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
   }
 }
 
-/// Throws if reference and image differ in size: the reference is then from another camera, or is a
-/// drawn map, so its K is unknown. A size of zero means that the size is unknown.
+/// Throws if the reference and the image have different sizes: the reference then comes from
+/// another camera, or is a drawn map, so its K is unknown. A size of zero means "unknown" and is
+/// accepted.
 void requireOneCamera(const HomographyStamped& h) {
   const bool is_known = h.image_width > 0 && h.reference_width > 0;
   if (!is_known || (h.reference_width == h.image_width && h.reference_height == h.image_height)) {
@@ -105,8 +108,8 @@ void GroundReadings::add(const sensor_msgs::Imu& imu) {
 bool GroundReadings::complete(const std_msgs::Header& image) const {
   std::vector<std::string> frames;
   if (usesImu()) {
-    // An Imu message with a stamp far in the future does not show that all earlier messages have
-    // arrived.
+    // We wait for an Imu message that is newer than the image. A stamp far in the future is
+    // probably wrong, so it does not prove that all earlier messages have arrived.
     const ros::Time latest = later(image.stamp, config_.max_age);
     const bool has_come = std::any_of(imus_.rbegin(), imus_.rend(), [&](const auto& imu) {
       return imu.header.stamp >= image.stamp && imu.header.stamp <= latest;
@@ -174,8 +177,8 @@ GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) co
   }
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   if (config_.base_frame.empty()) {
-    // Without a base frame, the rotation between camera and base is fixed: the base is level if the
-    // camera looks straight down.
+    // Without a base frame, we assume that the camera looks straight down, so that its rotation to
+    // the level base frame is fixed.
     options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
     return options;
   }
@@ -214,8 +217,8 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   return frame;
 }
 
-/// Drops the range if the beam does not point to the ground, since the distance to a wall is not a
-/// height.
+/// Removes the height from the frame if the beam of the range sensor does not point to the ground,
+/// because the distance to a wall, for example, is not a height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
@@ -247,8 +250,8 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  // The scale is wrong if the ratio differs from both 0 and 1 by more than this. If there is only
-  // noise, the difference is below 0.02.
+  // The ratio is 1 if the Imu's scale is right, and 0 while the camera has not turned enough. Noise
+  // alone changes it by less than 0.02, so a larger difference from both means a wrong scale.
   constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
@@ -291,7 +294,7 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
     case GroundStatus::no_covariance:
       return "the homography has no covariance, or one that is not positive definite";
     case GroundStatus::no_height: {
-      // heightTrouble() gives no text if an earlier frame has already used the newest reading.
+      // If an earlier frame has already used the newest reading, heightTrouble() returns no text.
       const std::string trouble = heightTrouble(estimate);
       return "no height: " + (trouble.empty() ? "no new reading yet" : trouble);
     }
@@ -412,12 +415,12 @@ DownReading GroundReadings::downOfImu(const std_msgs::Header& image) const {
   return reading;
 }
 
-/// The mean angular velocity since the previous image.
+/// The rotation since the previous image, from the mean of all angular velocities in between.
 std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
-  double ages = 0.0;  // sum of the ages of the messages at the time of the later image, s
+  double ages = 0.0;  // sum of the times from each Imu message to the image, s
   double deviation = kGyroDeviation;
   std::string frame;
   std::string why = "no angular velocity on " + imu_topic_ + " between two images";
@@ -460,9 +463,9 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
-  // A given readout_time is the mean of a prior with a standard deviation of a tenth of its value,
-  // and pulls the estimate towards this value. If the estimate is still more than three of these
-  // deviations away, the pictures outweigh the prior.
+  // The estimator uses a given readout_time as the mean of a prior whose standard deviation is a
+  // tenth of this value, so the estimate is pulled towards it. If the estimate nevertheless differs
+  // by more than three of these deviations, the images clearly contradict the value.
   constexpr double kShare = 0.3;
   constexpr double kCertain = 5.0;  // standard deviations of the estimate
   if (readout_time == -1.0) return "";

@@ -18,13 +18,13 @@
 namespace ktgp_orb {
 
 /// Collects the readings that the ground motion needs besides the homography, from messages and tf,
-/// and explains why a reading is missing. An instance belongs to one thread at a time.
+/// and explains why a reading is missing. Not thread-safe.
 class GroundReadings {
  public:
   /// `tf` must outlive this object.
   explicit GroundReadings(const tf2::BufferCore& tf) : tf_(tf) {}
 
-  /// `range_topic`, `imu_topic`: names of the topics for explanations.
+  /// `range_topic`, `imu_topic`: names of the topics, only for the texts of explanations.
   void configure(const GroundMotionConfig& config, const std::string& range_topic,
                  const std::string& imu_topic) {
     config_ = config;
@@ -37,44 +37,46 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether all readings for the image have arrived, provided that stamps do not jitter: an Imu
-  /// message with a later stamp has arrived, and tf knows the camera, the sensors and the ground at
-  /// the time of the image.
+  /// Returns true if all readings for the image have arrived: an Imu message with a later stamp is
+  /// there, and tf knows the camera, the sensors and the ground at the time of the image. This
+  /// assumes that the messages of the Imu arrive in the order of their stamps.
   bool complete(const std_msgs::Header& image) const;
 
-  /// Options for the camera's images. Throws std::invalid_argument if tf does not know the pose of
-  /// the camera.
+  /// Options of the motion estimator for the camera's images. Throws std::invalid_argument if tf
+  /// does not know the pose of the camera.
   GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
   /// Combines a homography with all usable readings. `size`: size of its target image, px. Throws
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
-  /// Why the newest frame has no rotation; empty if it has a rotation or needs none.
+  /// Reason why no rotation was measured by the gyroscope for the newest frame; empty if one was,
+  /// or if the gyroscope is not used.
   const std::string& noTurn() const { return no_turn_; }
-  /// Completes the estimate for the newest frame; call this once for each frame. After a second
-  /// without a usable height or normal, the status says so, and the estimate has no pose.
+  /// Call this once for each frame. Returns its estimate, but with the status no_height or
+  /// no_normal, and so without a pose, if no usable height or normal came for more than a second.
   GroundEstimate withPatience(GroundEstimate estimate);
-  /// Why the newest frame has no motion; empty if it has a motion.
+  /// Reason why no motion is known for the newest frame; empty if the motion is known.
   std::string problemOf(const GroundEstimate& estimate) const;
-  /// Names the reading of the newest frame that is missing, or that hardly counts because it
-  /// contradicts the other readings, with the likely cause. Empty if all readings are used.
+  /// Names a reading that is missing in the newest frame, or that is nearly ignored because it
+  /// contradicts the other readings, and gives the likely cause. Empty if all readings are used.
   std::string notUsed(const GroundEstimate& estimate) const;
-  /// The sources of the height and of the normal, in words for messages.
+  /// Where the height and the normal come from, as words for messages to the user.
   std::string heightSource() const;
   std::string normalSource() const;
 
  private:
-  // These functions return a reading for an image, or nothing if no reading is wanted now. They
-  // throw std::invalid_argument with the reason if a reading is missing.
+  // These functions return a reading for an image, or nothing if no reading is needed for this
+  // image. They throw std::invalid_argument with the reason if a needed reading is missing.
   std::optional<HeightReading> height(const std_msgs::Header& image);
-  /// The reading nearest to the time of an image. Throws std::invalid_argument if there is no
-  /// reading within max_age of the image.
+  /// The message whose stamp is nearest to the time of the image. Throws std::invalid_argument if
+  /// no message is within max_age of the image.
   template <typename Message>
   const Message& nearest(const std::deque<Message>& messages, const std::string& what,
                          const ros::Time& image) const;
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
-  // Why the newest frame has no usable height, normal or rotation.
+  // Reason why the newest frame has no usable height, normal or rotation; empty if it has a usable
+  // one.
   std::string heightTrouble(const GroundEstimate& estimate) const;
   std::string normalTrouble(const GroundEstimate& estimate) const;
   std::string turnTrouble(const GroundEstimate& estimate) const;
@@ -90,27 +92,27 @@ class GroundReadings {
   std::string imu_topic_;
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
-  static constexpr std::int64_t kJitter = 1'000'000'000;  // ns, of the stamps of readings
+  static constexpr std::int64_t kJitter = 1'000'000'000;  // ns; readings may be late by up to this
   util::StampOrder range_order_{kJitter};
   util::StampOrder imu_order_{kJitter};
   std::optional<sensor_msgs::Range> range_apart_;
   std::optional<sensor_msgs::Imu> imu_apart_;
   util::StampOrder image_order_;
   ros::Time used_range_;
-  ros::Time range_stamp_;  // stamp of the range of the newest frame; 0: the frame has no range
+  ros::Time range_stamp_;  // stamp of the newest frame's range message; 0: it has none
   std::string range_frame_;
   ros::Time last_image_;
-  ros::Time last_height_;  // stamp of the last image with a used height
+  ros::Time last_height_;  // stamp of the last image for which a height was used
   ros::Time last_normal_;
   std::string no_height_;
   std::string no_normal_;
   std::string no_turn_;
 };
 
-/// Describes the rolling shutter that the images show; empty if they do not show one with
-/// certainty.
+/// Describes the rolling shutter (readout time and direction) that was estimated from the images;
+/// empty if the estimate is not certain enough.
 std::string shutterReport(const GroundEstimate& estimate);
-/// Reports that the pictures contradict the parameter readout_time; empty if they do not.
+/// A text that says that the images contradict the parameter readout_time; empty if they do not.
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time);
 
 }  // namespace ktgp_orb

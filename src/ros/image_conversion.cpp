@@ -33,18 +33,18 @@ namespace encodings = sensor_msgs::image_encodings;
 
 constexpr int kNoCode = -1;
 
-/// Memory layout of an encoding's pixels, and their conversion to grey.
+/// How the pixels of an encoding lie in memory, and how they are converted to grey.
 struct Format {
   std::string encoding;
-  int type;              ///< OpenCV's type of the pixels
-  int to_grey;           ///< OpenCV's code for the conversion to grey; kNoCode for grey pixels
-  int to_bgr = kNoCode;  ///< OpenCV's code for the conversion of YUV to BGR
+  int type;              ///< OpenCV type of the pixels, such as CV_8UC3
+  int to_grey;           ///< cv::cvtColor code for the conversion to grey; kNoCode if already grey
+  int to_bgr = kNoCode;  ///< cv::cvtColor code for YUV to BGR; kNoCode for other formats
 };
 
-/// All supported encodings; only newer versions of sensor_msgs define uyvy, yuyv and nv*. The name
-/// of a Bayer pattern in ROS begins with the first pixel of the first row, but in OpenCV with the
-/// second pixel of the second row. An encoding that does not name its channels counts as BGR,
-/// OpenCV's usual order.
+/// All supported encodings; older versions of sensor_msgs do not define uyvy, yuyv and nv*, so they
+/// are written as strings. ROS names a Bayer pattern by the first pixels of the first row, but
+/// OpenCV by the second and third pixel of the second row. If the name of an encoding does not say
+/// which channels it has, we assume BGR, OpenCV's usual order.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -67,8 +67,8 @@ const std::vector<Format>& formats() {
       {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
       {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
       {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
-      // The plane of the brightness comes first, and the plane of the colours after it. For grey
-      // only the first plane is read.
+      // In these formats, the brightness of all pixels comes first, and the colours follow. To get
+      // a grey image, only the brightness is read.
       {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},
       {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
       {"nv24", CV_8UC1, kNoCode},
@@ -93,7 +93,7 @@ const Format& formatOf(const std::string& encoding) {
     if (format.encoding == encoding) return format;
   }
   if (encoding.rfind(kUndecoded, 0) == 0) throw RefusedImage(util::printable(encoding, 400));
-  // Messages show at most this many characters of an untrusted name.
+  // The name comes from a message, so it may be very long: show at most this many characters.
   constexpr std::size_t kShown = 64;
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
@@ -130,7 +130,8 @@ void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
 
 constexpr bool kHostIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
-/// The pixels of the message; copied only if the byte order must be changed.
+/// The pixels of the message as a matrix that refers to the message's data. They are copied only if
+/// their byte order must be changed.
 cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   // cv::Mat cannot hold const data, but we only read it.
   auto* data = const_cast<std::uint8_t*>(image.data.data());
@@ -142,14 +143,14 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   return swapped;
 }
 
-// Largest allowed image in a request or in compressed data, megapixels.
+// Megapixels; we refuse larger images in requests and in compressed data.
 constexpr double kMostMegapixels = 64.0;
 
 double megapixelsOf(const sensor_msgs::Image& image) {
   return 1e-6 * image.width * static_cast<double>(image.height);
 }
 
-/// Converts the image with cv_bridge; an empty `encoding` means no conversion.
+/// Converts the image to `encoding` with cv_bridge; if `encoding` is empty, the encoding stays.
 cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
                                      const std::string& encoding) {
   if (message->encoding.rfind(kUndecoded, 0) == 0) formatOf(message->encoding);
@@ -164,14 +165,14 @@ cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
   }
 }
 
-/// Whether brightness and colour are stored separately.
+/// Returns true if the encoding stores brightness and colour separately.
 bool isYuv(const std::string& encoding) {
   return encoding.rfind("yuv", 0) == 0 || encoding.rfind("nv", 0) == 0 || encoding == "yuyv" ||
          encoding == "uyvy";
 }
 
-/// Converts YUV to bgr8, or to mono8 if the colours are missing or are stored at the full size of
-/// the picture.
+/// Converts YUV to bgr8. Returns mono8 if the colours are missing from the data, or if they are
+/// stored for every pixel (nv24).
 cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
@@ -205,7 +206,8 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   std::string_view bytes(data, message.data.size());
   if (bytes.empty()) refuse("has no data");
   const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
-  // Size of compressedDepth's header, bytes: kind of the data, two parameters for float depth.
+  // Size of the header of compressedDepth data in bytes: an enumerator and two float parameters,
+  // which only float depth needs.
   constexpr std::size_t kDepthHeader = 12;
   if (is_depth && message.format.rfind("32FC1", 0) == 0) {
     refuse("is depth in floats; expected an image, or depth of 16UC1");
@@ -315,8 +317,8 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
-    // Of the formats with the same OpenCV type, the format with OpenCV's order of colours comes
-    // first.
+    // Several formats have the same OpenCV type. The first of them in the list has OpenCV's order
+    // of colours, so it is chosen unless the message names a format.
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }

@@ -49,15 +49,17 @@ std::string ImageStamps::reason() const {
 bool ImageStamps::isAhead(const ros::Time& stamp, const ros::Time& arrival) {
   constexpr std::size_t kKept = 10;
   constexpr std::size_t kLeast = 3;
-  // The delay of arriving images, s, varies by less than this unless the computer is overloaded.
+  // Seconds; unless the computer is overloaded, the delays between stamp and arrival of the images
+  // differ by less than this.
   constexpr double kJitter = 0.1;
-  // A queue of ten images at 30/s delays all of them alike, s.
+  // Seconds; if ten images at 30/s wait in a queue, each of them arrives late by about this much.
   constexpr double kBacklog = 0.35;
   if (arrival.isZero()) return false;
   const double lead = secondsBetween(arrival, stamp);
   const auto [least, most] = std::minmax_element(leads_.begin(), leads_.end());
   const bool is_steady = leads_.size() >= kLeast && *most - *least < kJitter;
-  // If a queue is emptied at once, the stamps go on as before.
+  // If queued images arrive all at once, they have less delay than before, but the usual time
+  // between their stamps. A wrong stamp, however, is far after the previous stamp.
   const bool is_step = secondsBetween(last_, stamp) > kBacklog;
   const bool is_ahead = is_steady && is_step && lead > *most + kBacklog;
   if (is_ahead) ahead_ = lead - *most;

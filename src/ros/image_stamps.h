@@ -10,23 +10,25 @@
 
 namespace ktgp_orb {
 
-/// Detects images with wrong stamps. Stamps must be right, since users look up results by stamp and
-/// velocities are computed from stamps.
+/// Detects images with wrong stamps. The stamps must be right, because users look up results by
+/// their stamps and we compute velocities from the stamps.
 class ImageStamps {
  public:
   enum class Wrong : std::uint8_t { nothing, zero, again, back, ahead };
   /// Name of the counter in the diagnostics, for example "stamps of zero".
   static const char* nameOf(Wrong wrong);
 
-  /// Returns what is wrong with the stamp of the next image. `arrival`: when the image arrived, by
-  /// the clock of the computer; zero: not known. If the delays from stamp to arrival were steady, a
-  /// stamp ahead of its time is detected at once; do not use its image. If the next stamp is ahead,
-  /// too, it is accepted, since the clock of the camera may have been set.
+  /// Checks the stamp of the next image and returns what is wrong with it. `arrival`: time of the
+  /// computer's clock when the image arrived; zero: unknown. If the delay from stamp to arrival was
+  /// steady so far, a stamp that is ahead of its time is detected at once, and its image must not
+  /// be used. If the next stamp is ahead, too, it is accepted, because the camera's clock was
+  /// probably set.
   Wrong wrongWith(const ros::Time& stamp, const ros::Time& arrival);
-  /// The newest stamp that is known to be wrong. If an accepted stamp was ahead, the next stamp
-  /// goes back and counts as wrong at first. The third stamp shows which of the two was wrong.
+  /// The newest stamp that is known to be wrong. If a stamp was ahead of its time but was accepted,
+  /// the next stamp seems to go back and is called wrong at first. Only the stamp after that shows
+  /// which of the two was wrong.
   const ros::Time& wrong() const { return wrong_; }
-  /// Why the last image with a stamp ahead of its time is not used.
+  /// Says why an image was refused whose stamp is ahead of its time. Refers to the last such image.
   std::string reason() const;
 
  private:
@@ -35,8 +37,8 @@ class ImageStamps {
   util::StampOrder order_;
   ros::Time last_;
   ros::Time wrong_;
-  ros::Time one_ahead_;        // predecessor of the last stamp that went back; may be ahead
-  std::vector<double> leads_;  // stamp minus arrival of the newest images, s
+  ros::Time one_ahead_;        // stamp before the one that went back last; maybe wrong
+  std::vector<double> leads_;  // stamp minus arrival time of the last images, s
   bool was_ahead_ = false;
   double ahead_ = 0.0;
 };

@@ -64,7 +64,7 @@ void append(const Correspondence& c, const Frame& reference, const Frame& target
   message.track.push_back(target.tracks[static_cast<std::size_t>(c.target_index)]);
 }
 
-/// Sets the sizes in a Correspondences or HomographyStamped message.
+/// Sets the image sizes in a Correspondences or HomographyStamped message.
 template <typename Message>
 void setSizes(const cv::Size& image, const cv::Size& reference, Message& message) {
   message.image_width = static_cast<std::uint32_t>(image.width);
@@ -92,9 +92,10 @@ void reserve(std::size_t size, Correspondences& message) {
   message.track.reserve(size);
 }
 
-/// Index, in the message, of the correspondence that belongs to the aligned point; empty for a
-/// guided match that disagrees with the aligned homography. `guided`: index of the first guided
-/// match. The guided matches, and the matches before them, are each sorted by target_index.
+/// Index of the correspondence in the message that belongs to the aligned point. Empty for a guided
+/// match that disagrees with the aligned homography, because the message does not contain it.
+/// `guided`: index of the first guided match. The matches before this index and the guided matches
+/// are each sorted by target_index.
 std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
                                      const Correspondences& message) {
   const auto target = static_cast<std::uint32_t>(point.target_index);
@@ -160,8 +161,8 @@ ros::Time timeOf(std::int64_t nanoseconds) {
   return time;
 }
 
-/// Makes a message with every correspondence that passed the ratio filter, and the level that the
-/// correspondence reached.
+/// Makes a message with all correspondences that passed the ratio test. `level` is the last filter
+/// that a correspondence passed.
 CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   if (!match.reference) return nullptr;
@@ -184,8 +185,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   return message;
 }
 
-/// Makes a message with the homography and its verdict. All numbers are zero if the status is not
-/// ok.
+/// Makes a message with the homography. If no homography was found, its numbers are all zero.
 HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
@@ -213,7 +213,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->status = MatchStatus::STATUS_OK;
   message->rectified = frame.isRectified();
   const cv::Size& size = match.frame->features.image_size;
-  setSizes(size, size, *message);  // all images of an unbroken sequence have the same size
+  setSizes(size, size, *message);  // the image size never changes within an unbroken sequence
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyAnswer(*match.accumulated, *message);
@@ -307,7 +307,8 @@ std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message,
                        static_cast<int>(message.image_height));
   if (image.empty() || image == size) return answer;
   const double scale = static_cast<double>(size.width) / image.width;
-  // Allow one pixel of the smaller image, because resizing rounds the height to whole pixels.
+  // Resizing rounds the height to whole pixels, so allow an error of one pixel of the smaller
+  // image.
   if (std::abs(scale * image.height - size.height) > std::max(1.0, scale)) {
     throw RefusedImage("the homographies are of images of " + util::text(image) +
                        " and cannot be scaled to those of " + util::text(size) +
@@ -339,7 +340,7 @@ const char* explanation(NoReference reason) {
        "no reference: reference_mode changed", "no reference: another lens calibration"});
 }
 
-/// The image to which the frame's keypoints refer: rectified if the frame has a lens.
+/// The image that the frame's keypoints refer to: it is rectified if the frame has a lens.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   if (!lens) return image;
   cv::Mat rectified;
@@ -347,7 +348,8 @@ cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
   return rectified;
 }
 
-/// The image for drawing: in colour if it has 8 bits per channel, else as the frame's grey image.
+/// The target image for drawing: in colour if it has 8 bits per channel, otherwise the grey image
+/// of the frame.
 cv::Mat coloured(const sensor_msgs::ImageConstPtr& image, const Frame& frame) {
   return shown(hasBytes(image->encoding) ? colourImage(image) : frame.image, frame.lens);
 }

@@ -25,7 +25,7 @@ void MessageMatcher::fixReference(const FramePtr& frame) {
 }
 
 void MessageMatcher::configure(const Configuration& configuration) {
-  // All calls that may throw come before any change.
+  // First make all calls that may throw, so that nothing is changed if one of them throws.
   const bool found_anew = configuration.reference_frame &&
                           configuration.reference_frame != configuration_.reference_frame;
   const bool another = configuration.reference_image != configuration_.reference_image ||

@@ -9,48 +9,49 @@
 
 namespace ktgp_orb {
 
-/// Warning if things stand still in most frames (MatchResult::still).
+/// Warning for users if MatchResult::still is set in most frames.
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "
     "part of the vehicle; hide them with mask_image";
 
-/// Runs the sequence matcher on messages, with the node's parameters. Not thread-safe.
+/// Converts image messages to frames and matches them with the node's parameters. Not thread-safe.
 class MessageMatcher {
  public:
-  /// Throws std::invalid_argument for options that the core refuses, and RefusedImage for an
-  /// unusable reference image; `configure` then changes nothing.
+  /// Both functions throw std::invalid_argument for options that the core refuses, and RefusedImage
+  /// for an unusable reference image. If configure() throws, it has changed nothing.
   explicit MessageMatcher(const Configuration& configuration);
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return configuration_; }
 
-  /// Throws RefusedImage for an unusable image, and then keeps the reference.
+  /// Matches an image. If the image is unusable, throws RefusedImage and keeps the reference.
   MatchedFrame process(const sensor_msgs::ImageConstPtr& image);
-  /// Like process() above, for a frame. `ahead`: see SequenceMatcher::match.
+  /// Like process() above, for an image that is already a frame. `ahead`: see
+  /// SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// The overlay of the last processed frame, in the colours of its `image`; null if no frame was
-  /// processed since the last reset.
+  /// The overlay of the last processed frame. `image`: the message of this frame, for its colours.
+  /// Null if no frame was processed since the last reset.
   sensor_msgs::ImagePtr overlay(const sensor_msgs::ImageConstPtr& image) const;
 
-  /// The next frame becomes the reference of the fixed mode.
+  /// Makes the next frame the reference of the fixed mode.
   void fixNextFrame() { sequence_.fixNextFrame(); }
-  /// The reference of the fixed mode, or null.
+  /// The reference of the fixed mode; null if there is none.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
   ViewsState viewsState() const { return sequence_.viewsState(); }
 
-  /// Whether the reference of the fixed mode is a frame of the camera and not the configured image.
-  /// Compares the addresses of the pixels, because new options replace the frame but not its
-  /// pixels.
+  /// Returns true if the reference of the fixed mode is a frame of the camera and not the
+  /// configured image. Compares the addresses of the pixels, because new options replace the frame
+  /// object but not its pixels.
   bool holdsSetReference() const {
     const FrameConstPtr fixed = fixedReference();
     return fixed &&
            !(configured_reference_ && fixed->image.data == configured_reference_->image.data);
   }
 
-  /// Forgets the reference, unless it is fixed.
+  /// Forgets the reference, except the reference of the fixed mode.
   void forgetReference();
-  /// Forgets every reference; the configured reference image becomes the fixed reference again.
+  /// Forgets all references; then uses the configured reference image for the fixed mode again.
   void reset();
 
  private:
@@ -59,7 +60,7 @@ class MessageMatcher {
 
   Configuration configuration_;
   SequenceMatcher sequence_;
-  FrameConstPtr configured_reference_;  // fixed reference from the parameters, not from the camera
+  FrameConstPtr configured_reference_;  // reference from the parameter reference_image
   FrameMaker frame_maker_;
   const SequenceMatch* last_ = nullptr;
 };

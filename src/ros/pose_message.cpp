@@ -10,7 +10,8 @@ namespace {
 
 using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
-/// Tests the correlations rather than the covariance, so that the units do not matter.
+/// Returns true if the covariance is symmetric and positive semidefinite. Tests the correlations
+/// instead of the covariance, so that the result does not depend on the units (m, rad).
 bool isSemidefinite(const Covariance6& covariance) {
   constexpr double kRounding = 1e-9;
   if (!(covariance.diagonal().minCoeff() >= 0.0)) return false;

@@ -12,17 +12,18 @@
 
 namespace ktgp_orb {
 
-/// Conversion of poses and velocities to messages and back.
+/// Convert poses and velocities to messages and back.
 geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6& covariance);
 geometry_msgs::TwistWithCovariance toMessage(const Twist6& twist, const Covariance6& covariance);
 
-/// Transform for tf: the pose of the frame `child` in the frame of the header.
+/// A transform for tf from the pose of the frame `child` in the frame that the header names.
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const std::string& child,
                                             const geometry_msgs::Pose& pose);
 
-/// These functions throw std::invalid_argument for numbers that are not finite, an orientation that
-/// is not a unit quaternion, or a covariance that is not symmetric and positive semidefinite.
+/// Convert a message to our types. They throw std::invalid_argument for numbers that are not
+/// finite, an orientation that is not a unit quaternion, or a covariance that is not symmetric and
+/// positive semidefinite.
 Pose3 poseOf(const geometry_msgs::Pose& pose);
 Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose);
 

@@ -8,18 +8,20 @@
 namespace ktgp_orb {
 
 /// Skips frames evenly to limit their rate: time is divided into slots, and the first frame of each
-/// slot is used. If the camera's rate equals the limit, each frame is in the middle of its slot, so
-/// stamps may vary by half a slot.
+/// slot is used. The slots begin such that the very first frame is in the middle of its slot. So if
+/// the camera's rate equals the limit, every frame is near the middle of a slot, and stamps may
+/// jitter by up to half a slot.
 class RateLimiter {
  public:
-  /// Sets the limit in Hz; 0: use all frames. A change restarts the slots.
+  /// Sets the limit in Hz; 0: use all frames. If the rate changes, the slots start again at the
+  /// next frame.
   void setRate(double rate) {
     if (rate != rate_) first_.reset();
     rate_ = rate;
   }
 
-  /// Whether to use the frame with this stamp. A stamp before the previous stamp restarts the
-  /// slots.
+  /// Returns true if the frame with this stamp is to be used. If the stamps go back, the slots
+  /// start again at this frame.
   bool takes(const ros::Time& stamp) {
     if (rate_ <= 0.0) return true;
     if (!first_ || stamp < last_) {

@@ -5,13 +5,13 @@
 
 namespace ktgp_orb {
 
-/// Seconds from `start` to `end`, to a microsecond. The difference of two ros::Time throws beyond
-/// 68 years, and messages may have any stamps.
+/// Seconds from `start` to `end`, accurate to a microsecond. We do not subtract two ros::Time,
+/// because this throws beyond 68 years, and stamps in messages may have any value.
 inline double secondsBetween(const ros::Time& start, const ros::Time& end) {
   return end.toSec() - start.toSec();
 }
 
-/// `time` plus `seconds`, limited to the range of ros::Time, which would throw.
+/// `time` plus `seconds`, but at most ros::TIME_MAX, because ros::Time throws on overflow.
 inline ros::Time later(const ros::Time& time, double seconds) {
   if (time.toSec() + seconds >= ros::TIME_MAX.toSec()) return ros::TIME_MAX;
   return time + ros::Duration(seconds);

@@ -40,8 +40,8 @@ TargetDetection messageOf(const DetectedTarget& target) {
   return message;
 }
 
-/// The camera from the camera_info, for raw or rectified `pixels`. Throws std::invalid_argument
-/// with the reason if there is no usable camera_info.
+/// Computes the camera from the camera_info. Throws std::invalid_argument, with the reason, if
+/// there is no camera_info or it is unusable.
 PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
                      const std::string& info_topic, Pixels pixels) {
   if (info == nullptr) throw std::invalid_argument("no camera_info on " + info_topic);
@@ -57,7 +57,7 @@ bool wantsPose(const TargetDetection& message) {
   return message.status == MatchStatus::STATUS_OK && wanted;
 }
 
-/// Name of the tf frame of this instance of the target.
+/// Name of the tf frame of this detection: instances after the first get a number.
 std::string frameOf(const TargetDetection& target) {
   if (target.instance == 0 || target.frame.empty()) return target.frame;
   return target.frame + "_" + std::to_string(target.instance);
@@ -137,12 +137,12 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
   std_msgs::Header header = message.header;
   header.frame_id = util::withoutSlash(header.frame_id);
   for (const TargetDetection& target : message.detections) {
-    // tf could hold only one of several possible poses, and listeners would not know of the other
-    // poses.
+    // If several poses are possible, send none to tf: tf can hold only one pose, and listeners
+    // would not know that there are others.
     if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     transforms.push_back(transformOf(header, frameOf(target), target.pose.pose));
   }
-  // tf2 needs the names of both frames.
+  // tf2 refuses a transform unless both frames have a name.
   if (header.frame_id.empty() && !transforms.empty()) {
     throw std::invalid_argument("the images have no frame_id, so " + transforms[0].child_frame_id +
                                 " is not sent to tf; expected that of the camera");

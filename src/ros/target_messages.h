@@ -17,38 +17,42 @@
 
 namespace ktgp_orb {
 
-/// Makes a TargetFinder forget the followed targets when a sequence of images ends, because a bag
-/// is looped or the camera changes. Detects repeated images, because a velocity from them would be
-/// wrong.
+/// Makes a TargetFinder forget the targets that it follows when a sequence of images ends, for
+/// example because a bag starts again or the camera changes. Also detects repeated images, because
+/// a velocity computed from them would be wrong.
 class ImageSequence {
  public:
-  /// Call this before each search. `grey`: the pixels of the image. Returns false if the image
-  /// repeats the previous image, so that it is not a new frame (see sequence::Repeats).
+  /// Call this with each image before you search it for targets. `grey`: the pixels of the image.
+  /// Returns false if the image repeats the previous image, so that it is not a new frame (see
+  /// sequence::Repeats).
   bool next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey, TargetFinder& finder);
-  /// Makes the next image count as a new frame even if it repeats the previous image, because other
-  /// targets are searched.
+  /// Makes the next image count as a new frame even if it repeats the previous image. Call this if
+  /// the targets or the options of the search have changed.
   void searchAnew() { last_.reset(); }
 
  private:
   sequence::Repeats repeats_;
-  sensor_msgs::ImageConstPtr last_;  // previous image, which owns the pixels of grey_
+  sensor_msgs::ImageConstPtr last_;  // previous image; owns the pixels of grey_
   cv::Mat grey_;
   ros::Time stamp_;
   cv::Size size_;
 };
 
-/// A message without poses. `header`: header of the image. `frame_prefix`: for the tf frames.
+/// Converts the detections to a message without poses; addPoses() adds the poses. `header`: header
+/// of the image. `frame_prefix`: prefix for the names of the targets' tf frames.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
                               const std::string& frame_prefix = "");
 
-/// Adds the poses of targets with a width or a frame. If there are no poses, `no_pose` of the
-/// message says why. `info`: calibration of the images; null if none arrived on `info_topic`.
+/// Adds the poses of the targets that have a width or a tf frame. If no pose could be computed,
+/// `no_pose` of the message says why. `info`: calibration of the images; null if none arrived on
+/// `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, TargetPose& pose,
               TargetDetections& message);
 
-/// A transform for each unambiguous pose of a target that has a frame: FRAME for instance 0,
-/// FRAME_1 for instance 1 ... Throws std::invalid_argument if the images have no frame_id.
+/// A transform for each unambiguous pose of a target that has a tf frame. The frame is FRAME for
+/// instance 0, FRAME_1 for instance 1 ... Throws std::invalid_argument if the images have no
+/// frame_id.
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message);
 
 /// Markers for rviz: outline and id of each pose. The first marker removes the previous markers.

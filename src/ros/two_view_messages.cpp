@@ -75,8 +75,8 @@ TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
   return message;
 }
 
-/// The points of the scene in the frame of the target's camera, which the header names. `deviation`
-/// is the standard deviation of the distance.
+/// The triangulated points of the scene, in the frame of the target's camera (frame_id of the
+/// header). The field `deviation` is the standard deviation of the distance.
 sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;

@@ -8,7 +8,8 @@
 namespace ktgp_orb {
 namespace {
 
-/// Scales H so that its largest entry is 1, which prevents underflow and overflow of long products.
+/// Scales the homography so that its largest entry is 1. Otherwise long products could underflow or
+/// overflow.
 Eigen::Matrix3d scaled(const Eigen::Matrix3d& h) {
   return h / h.cwiseAbs().maxCoeff();
 }

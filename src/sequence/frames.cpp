@@ -7,8 +7,8 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// Releases the matrix if a caller still holds it, which is possible even after the caller has
-/// released the frame.
+/// If a caller still uses the matrix, leaves its memory to the caller, so that it is not
+/// overwritten. A caller may keep the matrix even after it has released the frame.
 void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
@@ -18,7 +18,7 @@ void releaseIfShared(cv::Mat& matrix) {
 void FramePool::release(PooledFrame& frame) {
   frame.image.release();
   if (!frame.features.images.empty())
-    frame.features.images.front().release();  // the first image shares its pixels with frame.image
+    frame.features.images.front().release();  // it shares its pixels with frame.image
   frame.source.reset();
 }
 
@@ -53,8 +53,8 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void TrackNumbers::begin(Frame& frame) {
-  // Reserves the same capacity as the keypoints have, so that the track numbers need no more
-  // allocations than the keypoints.
+  // Reserve as much as the keypoints have reserved: then the track numbers need new memory only
+  // when the keypoints do.
   frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);

@@ -6,8 +6,7 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-constexpr double kKeptShare =
-    0.5;  // share of the last frame's inliers that a frame should find again
+constexpr double kKeptShare = 0.5;  // a frame should find this share of the last frame's inliers
 
 double nanoseconds(std::int64_t from, std::int64_t to) {
   return static_cast<double>(to) - static_cast<double>(from);
@@ -19,15 +18,16 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
                                                         const Frame& next) const {
   std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   if (!last || !motion_) return last;
-  // Longest prediction, as a multiple of the duration of the last known motion.
+  // Predict at most this many times the duration of the last known motion.
   constexpr double kLongest = 3.0;
   const double interval = nanoseconds(stamp_, next.stamp);
   const double known = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
   const double ratio = std::clamp(known, 0.0, kLongest);
-  // The motion is continued to first order, which is accurate enough between two frames.
+  // The homography of the last motion differs from the identity; multiply this difference by the
+  // ratio of the times. This linear approximation is accurate enough between two frames.
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d carried = identity + ratio * (*motion_ / (*motion_)(2, 2) - identity);
-  // If the predicted view is mirrored or vanishes, the motion cannot continue like this.
+  // If the predicted image would be mirrored or vanish, assume that there is no motion.
   const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
   return (usable ? carried : identity) * *last;
 }

@@ -9,25 +9,25 @@
 
 namespace ktgp_orb::sequence {
 
-/// Predicts the position of the next frame: continues the motion between the last two frames at
-/// constant velocity. Frames are identified by their addresses, which is safe because the sequence
-/// holds the last frame and its reference.
+/// Predicts where the next frame looks: assumes that the motion between the last two frames
+/// continues with constant velocity. Stores only the addresses of frames; this is safe, because the
+/// sequence holds the last frame and its reference.
 class MotionPredictor {
  public:
-  /// Predicted homography from `reference` to `next`. If the motion is not known, for example after
-  /// a gap, assumes that there is none. Empty if the homography from `reference` to the last frame
-  /// is not known.
+  /// Predicts the homography from `reference` to `next`. If the motion is unknown, for example
+  /// after a gap, assumes that there is none. Empty if the homography from `reference` to the last
+  /// frame is unknown.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 
-  /// Whether `result` has so few inliers, compared with the last frame, that the prediction is not
-  /// to be trusted.
+  /// Returns true if the search near the prediction probably failed: `result` has no homography, or
+  /// far fewer inliers than the last frame.
   bool isPoor(const MatchResult& result) const;
 
-  /// Call this after `frame` was matched to `reference`.
+  /// Call this after each match of a `frame` to a `reference`.
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
-  /// Call this after a frame that was not matched.
+  /// Call this after each frame that had no reference. Forgets the motion.
   void restartAt(const Frame& frame);
-  /// Replaces `frame` by `fresh`, a new frame of the same image.
+  /// Uses `fresh` in place of `frame`; it is a new frame of the same image.
   void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 
@@ -35,12 +35,13 @@ class MotionPredictor {
   std::optional<Eigen::Matrix3d> lastSeenFrom(const Frame& reference) const;
 
   const Frame* last_ = nullptr;
-  const Frame* reference_ = nullptr;  // reference of the last frame, if its homography was found
-  std::int64_t stamp_ = 0;            // stamp of the last frame
+  const Frame* reference_ = nullptr;  // reference of the last frame; null if it did not match
+  std::int64_t stamp_ = 0;            // stamp of the last frame, ns
   Eigen::Matrix3d from_reference_ = Eigen::Matrix3d::Identity();
   std::size_t inliers_ = 0;
-  std::optional<Eigen::Matrix3d> motion_;  // homography between the last two frames, if it is known
-  std::int64_t duration_ = 0;              // time between the last two frames, ns
+  // Homography from the frame before the last frame to the last frame; empty: unknown.
+  std::optional<Eigen::Matrix3d> motion_;
+  std::int64_t duration_ = 0;  // time between the last two frames, ns
 };
 
 }  // namespace ktgp_orb::sequence

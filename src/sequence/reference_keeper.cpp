@@ -30,9 +30,10 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   return reference_;
 }
 
-/// The previous frame must not be older than max_age. A keyframe may be older if frames keep
-/// arriving. If the stamp of the previous frame was ahead, this frame stays the reference, because
-/// its image is right.
+/// Returns gap or stamp_went_back if the stamp of `next` does not continue the sequence; otherwise
+/// none. The previous frame must not be older than max_age; a keyframe may be older if frames keep
+/// arriving. If the stamp of the previous frame turns out to be wrong (too late), that frame stays
+/// the reference, because its image is right.
 NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
   if (!previous_) return NoReference::none;
   constexpr double kMost = 9e18;  // ns
@@ -45,7 +46,7 @@ NoReference ReferenceKeeper::outOfOrder(const Frame& next) {
 
 NoReference anotherCamera(const Frame& next, const Frame& before) {
   if (next.encoding != before.encoding) return NoReference::encoding_changed;
-  // Lenses are compared by their calibration, since a caller may create a new lens object with the
+  // Compare the calibrations of the lenses, because a caller may create a new lens object with the
   // same calibration for every frame.
   const LensConstPtr& lens = before.lens;
   const bool same_lens =
@@ -92,7 +93,9 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
   to_previous_ = homography::chained(result->answer, to_reference_);
   accumulated_ = to_previous_;
   previous_ = frame;
-  // If even two adjacent frames have few matches, keeping the keyframe would not help.
+  // In previous mode, the newest frame is always the next reference. In keyframe mode, it becomes
+  // the keyframe if even two successive frames have few matches: an older keyframe would have still
+  // fewer.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;
@@ -113,8 +116,7 @@ void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
 }
 
 void ReferenceKeeper::forget(NoReference reason) {
-  // A reset that the user asked for has priority over any other reason. Otherwise the first reason
-  // has priority over later reasons.
+  // If the user asked for a reset, report this. Otherwise, report the first of several reasons.
   const bool asked_for = reason == NoReference::first_frame || reason == NoReference::reset;
   if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
   reference_.reset();

@@ -9,42 +9,44 @@
 
 namespace ktgp_orb::sequence {
 
-/// Why two frames cannot be from the same camera: their encodings or their lenses differ. Returns
-/// none if there is no such difference.
+/// The reason why two frames are not from the same camera: their encodings or their lenses differ.
+/// Returns none if both are the same.
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
-/// Chooses the reference of the next frame, decides when to forget it, and accumulates
-/// homographies.
+/// Chooses the reference of each frame and decides when to forget it. Multiplies the homographies
+/// of the frames to get the homography from the first frame.
 class ReferenceKeeper {
  public:
   void setOptions(const ReferenceOptions& options);
 
-  /// The reference frame for `next`. If it is null, reason() says why. Forgets a reference that
-  /// cannot belong to the same sequence as `next`, unless it is the fixed reference.
+  /// Returns the reference frame for `next`. If it is null, reason() says why. Except in fixed
+  /// mode, first forgets the reference if it cannot belong to the same sequence as `next`.
   FramePtr referenceFor(const Frame& next);
   NoReference reason() const { return reason_; }
 
-  /// Call this in keyframe mode after `frame` was matched to the keyframe with `result`. Returns
-  /// the previous frame as a second reference if the keyframe has become weak, otherwise null. If
-  /// the match to the previous frame then gives a homography, the previous frame becomes the
-  /// keyframe, and the chain of homographies continues.
+  /// In keyframe mode, call this after `frame` was matched to the keyframe. `result`: this match.
+  /// If it is weak (few inliers or little overlap), returns the previous frame as a second
+  /// reference to try; otherwise null. If that match gives a homography, the previous frame becomes
+  /// the keyframe, and the chain of homographies is not broken.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
-  /// Updates the reference and the chain of homographies after `frame` has been matched. `result`:
-  /// the final match, which is a match to `reference`; null if there was no reference.
+  /// Updates the reference and the chain of homographies after each frame. `result`: the final
+  /// match of `frame` to `reference`; null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
-  /// Homography from the first frame of the unbroken sequence to the last frame. Empty in fixed
-  /// mode, and when a chain has just begun.
+  /// Homography from the first frame of the sequence to the last frame, multiplied from the
+  /// homographies in between. Empty in fixed mode, and if the last frame has begun a new sequence
+  /// or its stamp is out of order.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 
-  /// Makes `frame` the fixed reference. If it is null, there is no fixed reference.
+  /// Makes `frame` the reference of the fixed mode. Null: there is none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
-  /// Replaces the reference `frame` by `fresh`, a new frame of the same image.
+  /// Uses `fresh` in place of `frame` wherever that is a reference; it is a new frame of the same
+  /// image.
   void replace(const FramePtr& frame, const FramePtr& fresh);
-  /// Forgets every reference except the fixed one.
+  /// Forgets all references except the fixed one. `reason`: why the next frame has no reference.
   void forget(NoReference reason);
 
  private:
@@ -55,13 +57,13 @@ class ReferenceKeeper {
 
   ReferenceOptions options_;
   FramePtr fixed_;
-  FramePtr reference_;  // the previous frame or the keyframe, depending on the mode
-  FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
-  FramePtr apart_;      // the newest frame, if its stamp is out of order and may be wrong
+  FramePtr reference_;  // previous frame or keyframe, depending on the mode
+  FramePtr previous_;   // previous frame; null if the chain of homographies is broken
+  FramePtr apart_;      // newest frame if its stamp may be wrong (see StampOrder)
   util::StampOrder order_;
   NoReference reason_ = NoReference::none;
-  NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
-  // The homographies below map from the first frame of the sequence.
+  NoReference forgotten_ = NoReference::first_frame;  // reason why previous_ is null
+  // The next two homographies map from the first frame of the sequence.
   std::int64_t first_stamp_ = 0;
   UncertainHomography to_reference_{Eigen::Matrix3d::Identity()};
   UncertainHomography to_previous_{Eigen::Matrix3d::Identity()};

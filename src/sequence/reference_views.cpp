@@ -9,7 +9,7 @@ const ReferenceViews* ReferenceViewsMaker::of(const FramePtr& reference, const O
                                               int views, bool in_background) {
   if (viewed_ == reference || takeFinished(reference)) return &views_;
   viewed_.reset();
-  views_ = {};  // freed before new views are made, to save memory
+  views_ = {};  // saves memory: free the old views before new ones are made
   if (!in_background) {
     views_ = simulateViews(reference->image, orb, views);
     viewed_ = reference;
@@ -27,7 +27,8 @@ const ReferenceViews* ReferenceViewsMaker::of(const FramePtr& reference, const O
   return nullptr;
 }
 
-/// Takes over the views from the thread if it has ended and its views belong to `reference`.
+/// If the thread has finished, takes over its views. Returns true if they belong to `reference` and
+/// are still wanted.
 bool ReferenceViewsMaker::takeFinished(const FramePtr& reference) {
   if (!work_.valid() || work_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
     return false;

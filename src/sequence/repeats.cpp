@@ -8,10 +8,10 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// Mean absolute difference of the pixels on a grid, grey levels. A grid is used because comparing
-/// whole rows of a large image would take as long as extracting its features.
+/// Mean absolute difference of two images, in grey levels. Compares only pixels on a grid: in a
+/// large image, comparing all pixels would take as long as extracting its features.
 double differenceOf(const cv::Mat& a, const cv::Mat& b) {
-  constexpr int kStep = 5;  // px; has no common factor with 8 px, the side of a JPEG block
+  constexpr int kStep = 5;  // px; has no common divisor with a JPEG block's side, 8 px
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (int y = 0; y < a.rows; y += kStep) {
@@ -30,7 +30,7 @@ bool areEqual(const cv::Mat& a, const cv::Mat& b) {
   return true;
 }
 
-/// Appends the value to `values` and removes the oldest value if there are more than `most`.
+/// Appends `value` to `values`. If there are already `most` values, removes the oldest one.
 void keep(double value, std::size_t most, std::vector<double>& values) {
   values.reserve(most);
   if (values.size() == most) values.erase(values.begin());
@@ -41,7 +41,8 @@ void keep(double value, std::size_t most, std::vector<double>& values) {
 
 bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                       std::int64_t last_stamp) {
-  // Limit for stored intervals, s, because cameras with less than four images a second are rare.
+  // Seconds; longer intervals are stored as this value, because cameras with less than four images
+  // a second are rare.
   constexpr double kLongest = 0.25;
   constexpr std::size_t kIntervals = 8;
   if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
@@ -50,12 +51,12 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   const double difference = differenceOf(image, last);
   const bool is_equal = difference == 0.0 && areEqual(image, last);
   const bool is_same = isInLowerGroup(difference) || is_equal;
-  if (is_equal && seconds == 0.0 && stamp != 0) return true;  // the same message came twice
-  // Without stamps (0 s), a camera that stands still cannot be told from a camera that repeats
-  // images.
+  if (is_equal && seconds == 0.0 && stamp != 0) return true;  // same message twice
+  // If the messages have no stamps, `seconds` is 0. Then we cannot tell a camera that stands still
+  // from a camera that repeats images, so the image is not called a repetition.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // Keep the interval, unless the camera continues to stand still. The first equal image after
-  // patience() has passed may be a late repetition, so its interval is kept, too.
+  // Store the interval, but not while the camera stands still. The first equal image after
+  // patience() has passed is stored, too, because it may be a repetition that came late.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }
@@ -63,26 +64,29 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   return false;
 }
 
-/// How long an image may stay the same before the camera counts as standing still, s.
+/// How long an image may stay the same, s. If it stays the same for longer, we say that the camera
+/// stands still.
 double Repeats::patience() const {
-  // Patience if no interval is known, s; cameras with less than ten images a second are rare.
+  // The patience in s as long as no interval is known. Cameras with less than ten images a second
+  // are rare.
   constexpr double kUnknown = 0.1;
-  constexpr double kMore = 1.5;  // times the longest recent interval, because intervals vary
+  constexpr double kMore = 1.5;  // times the longest recent interval, since intervals vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
-/// Whether the differences alternate between two groups, and `difference` is in the lower group. If
-/// a motion slows down, some differences lie between the groups, so the result is false. If a
-/// motion stops, the result is false, too: the differences fall to the lower group only once.
+/// Returns true if the differences alternate between a group of large and a group of small values,
+/// and `difference` is small. While a motion slows down, some differences lie between the groups,
+/// so the result is false. When a motion stops, the differences become small only once, so the
+/// result is false, too.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
-  constexpr double kLeast = 0.05;  // grey levels; the noise of compression is larger
-  // Minimum ratio between the groups; differences after equal compressions have ratios of up
-  // to 1.2.
+  constexpr double kLeast = 0.05;  // grey levels; smaller differences are set to this
+  // The smallest of the large differences must be at least this many times the largest of the small
+  // ones. If all images are compressed in the same way, differences vary by a factor of up to 1.2.
   constexpr double kApart = 2.5;
-  constexpr double kAlike = 2.0;  // maximum ratio of differences within the lower group
-  constexpr int kTimes = 3;       // minimum number of falls to the lower group
+  constexpr double kAlike = 2.0;  // largest allowed ratio of two small differences
+  constexpr int kTimes = 3;       // minimum number of changes from large to small
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};
   const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());

@@ -6,18 +6,18 @@
 
 namespace ktgp_orb::sequence {
 
-/// Recognises images that repeat the previous image. Some drivers publish an image twice, and some
-/// videos of 30 images a second are stored with 60 images a second.
+/// Recognises images that repeat the previous image. Some drivers publish every image twice, and
+/// some videos with 30 images a second are stored with 60 images a second.
 ///
-/// An image with the same pixels is a repetition. If each copy was compressed anew, the pixels
-/// differ a little. The differences from the last new image then alternate between large values,
-/// due to the motion, and much smaller values. If an image stays the same for longer than images
-/// usually take to change, the camera stands still. From then on, equal images count as new images,
-/// so that the results show the standstill.
+/// An image with exactly the same pixels is a repetition. If the copy was compressed once more, its
+/// pixels differ a little: the differences from the last new image then alternate between large
+/// values, due to the motion, and much smaller values. If the image stays the same for longer than
+/// the camera usually needs for a new image, the camera stands still. From then on, equal images
+/// count as new images, so that the results show the standstill.
 class Repeats {
  public:
-  /// Whether `image`, taken at `stamp` ns, is a repetition of `last`, the newest image that was not
-  /// a repetition. Both images are CV_8UC1.
+  /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.
+  /// `stamp`, `last_stamp`: times of these images, ns. Both images are CV_8UC1.
   bool repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                std::int64_t last_stamp);
   void forget() { *this = {}; }
@@ -26,9 +26,9 @@ class Repeats {
   bool isInLowerGroup(double difference);
   double patience() const;
 
-  // For each of the newest images: its difference from the last image that was no repetition.
+  // Differences of the newest images from the last image that was no repetition, grey levels.
   std::vector<double> differences_;
-  std::vector<double> intervals_;  // intervals between the newest images that changed, s
+  std::vector<double> intervals_;  // times from one new image to the next, s
   bool stands_still_ = false;
 };
 

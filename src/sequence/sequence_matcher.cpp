@@ -21,7 +21,7 @@ void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
   };
-  // This form of the comparison also refuses NaN.
+  // Written like this, the comparison also refuses NaN.
   if (!(options.max_age > 0.0)) refuse("max_age", options.max_age, "a time above 0 s");
   if (!(options.min_overlap >= 0.0 && options.min_overlap <= 1.0)) {
     refuse("min_overlap", options.min_overlap, "a share in [0, 1]");
@@ -31,7 +31,7 @@ void requireValid(const ReferenceOptions& options) {
 }
 
 std::int64_t stampOf(double seconds) {
-  constexpr double kMaxSeconds = 9.2e9;  // limit of a 64-bit number of nanoseconds, s
+  constexpr double kMaxSeconds = 9.2e9;  // longest time in nanoseconds as a 64-bit number, s
   if (!(std::abs(seconds) < kMaxSeconds)) {
     throw std::invalid_argument("the frame's time is " + std::to_string(seconds) +
                                 " s; expected a finite one within 9.2e9 s of zero");
@@ -39,9 +39,10 @@ std::int64_t stampOf(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
-/// Factor by which to enlarge a fixed reference that is too small; 1 for any other reference.
+/// Factor by which images must be enlarged because the reference of the fixed mode is too small. 1
+/// if it is large enough, and in other modes.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
-  // Wanted length of the shorter side, px; about the width of ten descriptor patches.
+  // Enlarge the shorter side to this length, px. It is about the width of ten descriptor patches.
   constexpr double kWanted = 300.0;
   constexpr double kMost = 4.0;
   if (options.mode != ReferenceMode::fixed || fixed == nullptr) return 1.0;
@@ -50,8 +51,8 @@ double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
   return is_small ? std::clamp(kWanted / shorter, 1.0, kMost) : 1.0;
 }
 
-/// Returns `options` with additional pyramid levels for enlarged copies of the image. The copies
-/// are up to `scale` times as large as the image, but at most 2500 px long.
+/// Adds pyramid levels for enlarged copies of the image to the options. The largest copy is at most
+/// `scale` times as large as the image, and at most 2500 px long.
 OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   constexpr double kLargest = 2500.0;  // px
   constexpr int kMostLevels = 16;
@@ -63,8 +64,8 @@ OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   return options;
 }
 
-/// Whether the features of the frame were found with options other than `wanted`. Features that
-/// were found with different options must not be matched.
+/// Returns true if the features of the frame were extracted with options other than `wanted`. Such
+/// features cannot be matched to features of `wanted`, so they must be extracted again.
 bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
   return !frame.image.empty() && frame.orb != wanted;
 }
@@ -79,7 +80,8 @@ void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) 
 
 }  // namespace
 
-// Sets how features keep their images. Copies are not needed: the sequence keeps the frames.
+// Adapts the options to a sequence. The features need no copies of the pyramid images, because the
+// sequence keeps the frames. In previous mode, growth is switched off.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
@@ -93,7 +95,8 @@ bool canMatchAhead(const MatcherOptions& options) {
 
 namespace {
 
-/// Removes the keypoints that the lens could not rectify; the position of such a keypoint is NaN.
+/// Removes the keypoints that the lens could not rectify. Lens::rectify() has set their positions
+/// to NaN.
 void dropUnplaced(Features& features) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
@@ -118,7 +121,7 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
     frame.lens->rectify(frame.features.keypoints);
     dropUnplaced(frame.features);
     frame.features.images
-        .clear();  // the keypoints are rectified but these images are not, so they do not fit
+        .clear();  // the pyramid images are not rectified, so they do not fit the keypoints
   }
   frame.extraction_milliseconds = util::millisecondsSince(start);
   frame.orb = extractor.options();
@@ -134,7 +137,8 @@ struct SequenceMatcher::Impl {
 
   void setOptions(const SequenceOptions& as_given);
   OrbOptions orbFor(const Frame& frame, const Frame* fixed) const;
-  /// The frame that will be the fixed reference when `frame` is matched; null if there is none.
+  /// The frame that will be the reference of the fixed mode when `frame` is matched; null if there
+  /// is none.
   const Frame* fixedFor(const Frame& frame) const {
     return fix_next_frame ? &frame : keeper.fixed().get();
   }
@@ -161,15 +165,15 @@ struct SequenceMatcher::Impl {
   MatchResult other_result;
   MatchResult whole_result;
   std::optional<RelativePose> last_motion;  // motion between the previous frame and its reference
-  double lost_milliseconds = 0.0;           // time spent on matches that were discarded
+  double lost_milliseconds = 0.0;           // duration of matches that were discarded
   bool fix_next_frame = false;
-  bool has_other_input = false;  // whether options or the fixed reference changed since `answer`
-  bool had_reference = false;    // whether `answer` had a reference before it was cleared
+  bool has_other_input = false;  // options or fixed reference have changed since `answer`
+  bool had_reference = false;    // `answer` had a reference before forgetAnswer()
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   const SequenceOptions wanted = withImages(as_given);
-  // All calls that may throw come first, so that an exception leaves the matcher unchanged.
+  // First make all calls that may throw: if one of them throws, the matcher is unchanged.
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
@@ -181,7 +185,8 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   has_other_input = true;
 }
 
-/// Feature options for `frame`. `fixed`: the fixed reference; null if there is none.
+/// Options for extracting the features of `frame`. `fixed`: the fixed reference; null if there is
+/// none. If it is small, the frame is enlarged, too.
 OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
   return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
 }
@@ -191,9 +196,9 @@ void SequenceMatcher::Impl::extract(Frame& frame, const OrbOptions& orb) {
   extractFeatures(extractor, frame);
 }
 
-/// Returns the simulated views of the reference, or null. Making views takes long, so they are made
-/// only for a fixed reference. With a lens no views are used, since the keypoints of a view cannot
-/// be rectified.
+/// Returns the simulated views of the reference, or null. Making views takes long, so only a fixed
+/// reference has them. A reference with a lens has none, because keypoints of a simulated view
+/// cannot be rectified.
 const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
   const GrowthOptions& growth = options.matcher.growth;
   const bool wanted = growth.enabled && growth.views > 0 &&
@@ -204,8 +209,8 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
                   options.views_in_background);
 }
 
-/// Returns `frame` with features found with the options `orb`. Extracts them in place if the frame
-/// has no features yet, otherwise into a new frame.
+/// Returns `frame` with features that were extracted with the options `orb`. If the frame has no
+/// features yet, adds them to it; if it has other features, returns a new frame.
 FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOptions& orb) {
   if (!isOutdated(*frame, orb)) return frame;
   if (frame->orb) return foundAnew(frame, orb);
@@ -213,8 +218,8 @@ FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOpt
   return frame;
 }
 
-/// Extracts the features of the image again, into a new frame that replaces `frame`. The old frame
-/// may be in use elsewhere, so it does not change.
+/// Extracts the features of the image again, for a new frame that replaces `frame` as a reference.
+/// `frame` itself is not changed, because others may be using it.
 FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOptions& orb) {
   FramePtr fresh = pool.take();
   fresh->stamp = frame->stamp;
@@ -243,8 +248,8 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   if (result.search != Search::near || !predictor.isPoor(result)) return;
-  // Matches again, this time without a search radius. The better of the two matches becomes
-  // `result`.
+  // Few inliers were found near the prediction, so match again without a search radius. `result`
+  // becomes the better of the two matches.
   hints.prediction.reset();
   hints.whole_image = true;
   matcher.match(reference->features, target.features, hints, whole_result);
@@ -258,8 +263,8 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   lost_milliseconds += whole_result.milliseconds();
 }
 
-/// Matches the frame to `reference`. If the reference is a weak keyframe, matches the frame to the
-/// previous frame, too; if this succeeds, the previous frame becomes `reference`.
+/// Matches the frame to `reference`. If this is a keyframe and the match is weak, also matches the
+/// frame to the previous frame; if that succeeds, the previous frame becomes `reference`.
 void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
                                         MatchAhead* ahead) {
   if (canMatchAhead(options.matcher) && ahead != nullptr && ahead->reference == reference) {
@@ -277,14 +282,13 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
-/// Whether `frame` repeats the image of the last answer. This is called before the features are
-/// extracted, since a repeated image does not need them.
+/// Returns true if `frame` repeats the image of the last answer. Call this before extracting
+/// features, because a repeated image does not need them.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
   const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
   if (!answer.frame || is_asked_anew) return false;
   const Frame& last = *answer.frame;
-  // The caller may use a different mask for each frame, so a repeated image must have the same
-  // mask, too.
+  // If the mask has changed, the result may be different, so the image is not a repetition.
   if (frame.mask.data != last.mask.data) return false;
   if (sequence::anotherCamera(frame, last) != NoReference::none) return false;
   return repeats.repeats(frame.image, frame.stamp, last.image, last.stamp);
@@ -294,7 +298,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   answer.repeated = repeatsAnswer(*given);
   if (answer.repeated) return answer;
   const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
-  if (frame != given) ahead = nullptr;  // the match ahead was made with the old features
+  if (frame != given) ahead = nullptr;  // `ahead` was made with the old features
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -302,7 +306,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   if (reference) {
     matchToBest(*frame, reference, ahead);
     predictor.advance(*frame, *reference, answer.match);
-    // A fixed reference, or a reference whose features were found anew, has no track numbers yet.
+    // A reference has no track numbers yet if it is fixed or if its features were extracted again.
     if (reference->tracks.empty()) tracks.begin(*reference);
     tracks.continueTracks(*reference, answer.match, *frame);
   } else {
@@ -359,8 +363,8 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   const FramePtr frame = impl_->pool.takeCopy(image);
   frame->stamp = stamp;
   frame->encoding = encoding;
-  // An empty image has no features. This call removes the features of an earlier frame from the
-  // buffers.
+  // match() does not extract features from an empty image, so call extract() here: it removes the
+  // features that the frame still has from earlier.
   if (image.empty()) impl_->extract(*frame, impl_->options.orb);
   return impl_->match(frame, nullptr);
 }
@@ -386,14 +390,14 @@ FramePtr SequenceMatcher::newFrame() {
 }
 
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
-  // Other modes do not use the fixed reference yet, so its features are extracted when they are
+  // In other modes, the fixed reference is not used yet; its features are extracted when it is
   // first needed.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
   const FramePtr fixed =
       frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
-  impl_->has_other_input = true;  // so that a repeated image is matched again
+  impl_->has_other_input = true;  // match the image again, even if it is a repetition
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {

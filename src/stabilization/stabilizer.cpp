@@ -13,36 +13,37 @@ namespace {
 
 using util::requireInRange;
 
-// Largest time difference to a frame that is used for smoothing, in standard deviations of the
-// weights.
+// For smoothing, use only frames whose time differs by at most this many standard deviations of the
+// Gaussian weights.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
-// Shake is removed completely if it needs at most this share of the margin. With a lag of 0 the
-// weights need more margin (see smoothed()), so the share is larger.
+// Share of the margin: shake that needs less of the margin than this is removed completely. With a
+// lag of 0, the smoothing needs more of the margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still; only used if the lag is 0. At 30 frames
-// per second the earlier frames determine the slope of the line with a weight of 5 (sum of weight *
-// (time - mean time)²). So this weight delays an even motion by 0.01 s.
+// Weight of the assumption that the camera stands still; it is used only with a lag of 0. At 30
+// frames per second, the earlier frames determine the slope of the fitted line with a weight of 5:
+// the sum of weight * (time - mean time)². Compared with this, 0.1 is small: it delays an even
+// motion by only 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
   return 1e-9 * static_cast<double>(nanoseconds);
 }
 
-/// Returns `share` unchanged up to `linear`; larger values approach 1 smoothly.
+/// Returns `share` itself up to `linear`. Maps larger values smoothly to values below 1.
 double saturated(double share, double linear) {
   if (share <= linear) return share;
   return linear + (1.0 - linear) * std::tanh((share - linear) / (1.0 - linear));
 }
 
-/// Fits a line through weighted values and returns its value at time zero. If all values have the
-/// same time, returns their mean.
+/// Fits a line to weighted values over time and returns its value at time zero. If all values have
+/// the same time, returns their mean instead.
 class LineAtZero {
  public:
-  /// `stillness`: weight of the assumption that the line has no slope; it is added to the sum of
-  /// weight * time². It has an effect only if there are few values.
+  /// `stillness`: weight of the assumption that the slope of the line is zero. It is added to the
+  /// sum of weight * time², so it matters only if there are few values.
   explicit LineAtZero(double stillness) : square_(stillness) {}
 
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
@@ -75,8 +76,8 @@ class LineAtZero {
   std::array<Eigen::Vector2d, 4> product_ = sum_;
 };
 
-/// The largest distance by which the view after the correction reaches beyond the crop, as a share
-/// of the margin.
+/// The cropped picture shows a part of the frame. Returns how far the correction moves the corners
+/// of this part outwards, as a share of the margin: at 1, a corner reaches the frame's border.
 double shareOfMargin(const Eigen::Matrix3d& correction,
                      const std::array<Eigen::Vector2d, 4>& corners, double crop) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
@@ -140,24 +141,24 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
   while (!waiting_.empty()) finishOldest(ready);
 }
 
-/// The corners of the frame as a smoothly moving camera would see them. `to_newest`: homography
-/// from the frame to the newest frame of the path.
+/// Where a smoothly moving camera would see the corners of the frame with this `stamp`, px of this
+/// frame. `to_newest`: homography from this frame to the newest frame of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
-  // Without later frames the line ends at this frame, whose own shake would then count most. So
-  // this frame gets a weight of almost 0, and the weights of other frames grow with their distance
-  // in time. These weights need more margin than a bell curve but leave less jitter
-  // (doc/measurements/stabilization.md).
+  // With a lag of 0 there are no later frames, so the line is evaluated at its end, where the shake
+  // of this frame itself would count most. So this frame gets a weight of almost 0, and the weights
+  // of the other frames grow with their distance in time before they fall. Such weights need more
+  // of the margin than a bell curve, but leave less jitter (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
-  // kStillness is needed because at the start of a path the slope of the line through the first few
-  // frames would be arbitrary.
+  // At the start of a path, the slope of a line through the first few frames would be arbitrary.
+  // kStillness prevents this.
   LineAtZero line(ends_here ? kStillness : 0.0);
   line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
-    // Homography from the frame at `stamp` to the frame of this step.
+    // Homography from the frame at `stamp` to the frame of `step`.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
     if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;
@@ -169,8 +170,8 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   return line.value();
 }
 
-/// The homography that moves the corners by `wanted`. The motion is limited so that nothing beyond
-/// the border of the frame is shown.
+/// Computes the homography that moves the corners of the frame by `wanted`, px. If it would show
+/// something beyond the border of the frame, makes the motion smaller.
 Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
   const Corners corners = homography::imageCorners(size_, {});
   const double area = static_cast<double>(size_.area());

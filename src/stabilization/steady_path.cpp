@@ -22,25 +22,28 @@ using Corners = std::array<Eigen::Vector2d, 4>;
 using Points = std::vector<Eigen::Vector2d>;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
 
-// Weights of the first, second and third difference of the motion, from the paper that
-// steady_path.h cites.
+// Weights of the first, second and third difference of the camera's position over time. The values
+// are from the paper that steady_path.h cites.
 constexpr double kStanding = 10.0;
 constexpr double kEven = 1.0;
 constexpr double kAccelerating = 100.0;
-/// Weight of the window's own motion at frames for which the motion of the camera is not known.
+/// Weight of the motion of the window within the frame; it applies where the motion of the camera
+/// is unknown.
 constexpr double kHolding = 1000.0;
-// Largest distance of a corner from its place in the window, as a share of the window's half size.
-// This limit preserves the shape of the window.
+// Each corner of the window may move by this much relative to the middle of the window, as a share
+// of the window's half size. This limit preserves the shape of the window.
 constexpr double kShape = 0.15;
-// A long recording is solved in overlapping parts, because a correction hardly depends on frames
-// far ahead.
+// A long recording is solved in overlapping parts. This loses little, because the correction of a
+// frame hardly depends on frames far ahead.
 constexpr std::size_t kPart = 300;  // frames
 constexpr std::size_t kOverlap =
-    100;  // number of frames at the end of a part that the next part solves again
-// Number of frames before the overlap whose corrections are fixed when the next part is solved.
+    100;  // frames at the end of a part; the next part solves them again
+// The next part also begins with this many frames before the overlap. Their corrections are already
+// known and do not change any more.
 constexpr std::size_t kKnown = 3;
 
-/// A point of the window, with the bounds and the best value of its correction in each frame, px.
+/// A point of the window (its middle or a corner). For each frame: the lowest and highest allowed
+/// correction of its position and the best one, px.
 struct Track {
   Eigen::Vector2d place;  ///< position without correction, px
   Points low;
@@ -48,7 +51,7 @@ struct Track {
   Points best;
 };
 
-/// Minimises the cost of variables within bounds, subject to linear equations.
+/// A linear program: minimises the cost of variables that have bounds and satisfy linear equations.
 class LinearProgram {
  public:
   int addVariable(double low, double high, double cost) {
@@ -57,15 +60,15 @@ class LinearProgram {
     cost_.push_back(cost);
     return static_cast<int>(cost_.size()) - 1;
   }
-  /// Adds an unknown without bounds. Its absolute value has the cost `cost` per unit. It is
-  /// represented as the difference of two variables that are not negative. Returns the number of
-  /// the first variable.
+  /// Adds an unknown without bounds. `cost`: cost per unit of its absolute value. The unknown is
+  /// the difference of two variables that are not negative. Returns the number of the first
+  /// variable.
   int addUnknown(double cost) {
     constexpr double kAny = std::numeric_limits<double>::infinity();
     addVariable(0.0, kAny, cost);
     return addVariable(0.0, kAny, cost) - 1;
   }
-  /// Adds an equation: the sum of its terms equals `right`. Returns the number of the equation.
+  /// Adds an equation whose terms sum up to `right`. Returns the number of the equation.
   int addEquation(double right) {
     right_.push_back(right);
     return static_cast<int>(right_.size()) - 1;
@@ -78,8 +81,8 @@ class LinearProgram {
     addTerm(equation, unknown + 1, -factor);
   }
 
-  /// Returns the values of the variables. Throws std::runtime_error if this build has no solver or
-  /// the program has no solution.
+  /// Returns the values of the variables. Throws std::runtime_error if this build has no solver, or
+  /// if the program has no solution.
   std::vector<double> solve() const;
 
  private:
@@ -87,13 +90,13 @@ class LinearProgram {
   std::vector<double> high_;
   std::vector<double> cost_;
   std::vector<double> right_;
-  std::vector<Eigen::Triplet<double>> terms_;  // each term: equation, variable, factor
+  std::vector<Eigen::Triplet<double>> terms_;  // the equation, the variable and its factor
 };
 
 #ifdef KTGP_ORB_HAVE_CLP
 
 std::vector<double> LinearProgram::solve() const {
-  // Clp needs the matrix column by column.
+  // Clp needs the matrix in columns, and Eigen stores a sparse matrix in this way.
   Eigen::SparseMatrix<double> matrix(static_cast<int>(right_.size()),
                                      static_cast<int>(cost_.size()));
   matrix.setFromTriplets(terms_.begin(), terms_.end());
@@ -120,7 +123,8 @@ std::vector<double> LinearProgram::solve() const {
 
 #endif
 
-/// For each frame, the numbers of the unknowns for x and y; empty for the first frame of a path.
+/// For each frame, the numbers of two unknowns of the program, for x and y. Empty for a frame where
+/// a path begins.
 using Unknowns = std::vector<std::optional<std::array<int, 2>>>;
 
 Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) {
@@ -139,9 +143,10 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// Adds the unknown remaining motion of the point in the steady picture to the program. It is the
-/// difference between the position to which the step maps the point and the point's position in the
-/// next frame's window, linearised in the corrections.
+/// For each frame, adds the motion of the point that remains in the steady picture to the program,
+/// as unknowns for x and y. This motion is the point's position in the window of this frame minus
+/// the position to which the homography maps it from the previous frame. It is linear in the
+/// corrections near those in track.best.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());
@@ -169,8 +174,8 @@ Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track,
   return found;
 }
 
-/// Finds the best corrections of the frames in [begin, end). The first `known` corrections do not
-/// change.
+/// Finds the best corrections of the frames in [begin, end). The first `known` of them are already
+/// known and stay unchanged.
 void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size_t known,
                Track& track) {
   LinearProgram program;
@@ -190,7 +195,7 @@ void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size
   for (std::size_t t = known; t < corrections.size(); ++t) {
     const Eigen::Vector2d found(values[static_cast<std::size_t>(corrections[t][0])],
                                 values[static_cast<std::size_t>(corrections[t][1])]);
-    // The solver may exceed a bound by its tolerance, so the values are clamped.
+    // The solver may exceed a bound by its tolerance, so clamp the values.
     track.best[begin + t] = found.cwiseMax(track.low[begin + t]).cwiseMin(track.high[begin + t]);
   }
 }
@@ -207,7 +212,8 @@ void solve(const Steps& steps, Track& track) {
   }
 }
 
-/// Removes steps that mirror the frame or move a part of it behind the camera.
+/// Removes homographies that mirror the frame or move a part of it behind the camera; the path
+/// begins anew there.
 Steps usableSteps(const Steps& steps, const Corners& corners) {
   Steps usable = steps;
   for (auto& step : usable) {
@@ -263,7 +269,7 @@ std::vector<Eigen::Matrix3d> steadyPath(const Steps& all_steps, const cv::Size& 
   for (std::size_t t = 0; t < count; ++t) {
     Corners seen;
     for (std::size_t i = 0; i < seen.size(); ++i) seen[i] = window[i].place + window[i].best[t];
-    // This fails only for an image without area, whose warp stays the identity.
+    // solveFourPoints() fails only if the image has no area. The warp is then the identity.
     warps[t].setIdentity();
     homography::solveFourPoints(seen, corners, 1e-6 * area, 1e-6 * area, warps[t]);
     warps[t] /= warps[t](2, 2);

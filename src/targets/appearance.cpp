@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kSide = 8;         // side of a block, px
 constexpr int kMostBlocks = 16;  // largest number of blocks along a side of the picture
-constexpr float kAlike = 0.7F;   // correlation
-constexpr int kDecoyReach = 2;   // blocks
+constexpr float kAlike = 0.7F;   // two blocks with a larger correlation look alike
+constexpr int kDecoyReach = 2;   // largest shift of a decoy position, in blocks
 
 /// log10 of Chernoff's bound on the probability of at least `hits` hits in `count` trials, where
 /// each trial hits with probability `chance`.
@@ -26,16 +26,18 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Number of blocks along a side of the picture. A block covers at least 4 px of the camera, since
-/// neighbouring pixels of an enlarged frame are not independent.
+/// Number of blocks along a side of the picture. `length`: length of this side in the frame, px. A
+/// block covers at least 4 px of the camera image, because neighbouring pixels of an enlarged frame
+/// are interpolated and therefore not independent.
 int blocksAlong(double length, double enlargement) {
-  constexpr double kLeastTaken = 4.0;  // px of the camera
+  constexpr double kLeastTaken = 4.0;  // px of the camera image
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
-/// Dot product. It has sixteen partial sums, which the compiler can turn into vector code. It could
-/// not do so with a single sum, because it must not change the order of the additions.
+/// Dot product of two blocks. It has sixteen partial sums, which the compiler can turn into vector
+/// code. It could not do so with a single sum, because it must not change the order of the
+/// additions.
 float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
   constexpr int kColumns = 16;
   float sums[kColumns] = {};
@@ -53,7 +55,8 @@ cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
 
 }  // namespace
 
-/// Resizes the picture to `size`, and warps the frame to the same canvas with a margin around it.
+/// Resizes the picture to `size` (picture_), and warps the part of the frame that shows the picture
+/// to the same size, with a margin on each side (frame_).
 void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const cv::Size& size, const cv::Size& margin, const FramePyramid& frame) {
   const cv::Size& whole = picture.image.size();
@@ -73,9 +76,9 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
 
 bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
-  // Longer side of the canvas, px. A larger canvas takes longer but gives the same position.
+  // Longer side of the resized picture, px. A larger one takes longer but gives the same position.
   constexpr double kLongest = 48.0;
-  constexpr double kLeastAlike = 0.4;  // minimum correlation; low, since compare() is stricter
+  constexpr double kLeastAlike = 0.4;  // minimum correlation; low, because compare() is stricter
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   const double scale = std::min(1.0, kLongest / std::max(seen.width, seen.height));
   const cv::Size size(std::max(kSide, cvRound(scale * seen.width)),
@@ -154,9 +157,10 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
-/// Sum of the agreements at all decoy positions (the picture shifted by up to kDecoyReach blocks).
-/// One hit in one pair is added, so that the rate of chance hits is never 0. `largest` is raised to
-/// the highest share of hits among the shifts with at least `fewest` pairs of blocks.
+/// Sums the hits and pairs of all decoy positions: there, the picture is shifted by up to
+/// kDecoyReach blocks, so all hits are chance hits. The sums begin with one hit in one pair, so
+/// that the rate of chance hits is never 0. Raises `largest` to the highest share of hits at any
+/// decoy position with at least `fewest` pairs of blocks.
 Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
   Agreement decoys{1.0, 1.0};
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
@@ -175,13 +179,14 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
                                            double above_neighbours) {
-  constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;  // grey values
+  // A block has texture if the standard deviation of its grey values is larger.
+  constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
-  // Minimum share of the blocks in view that must look alike; the other blocks may be hidden.
+  // At least this share of the blocks in view must look alike; the other blocks may be hidden.
   constexpr double kLeastShare = 0.3;
-  // Picture and frame are warped to the same canvas. Its resolution is at most the resolution of
-  // the picture in the frame.
+  // Picture and frame are warped to the same size. It is at most the size of the picture in the
+  // frame, but at least three blocks per side.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   columns_ = blocksAlong(seen.width, frame.enlargement);
   rows_ = blocksAlong(seen.height, frame.enlargement);
@@ -207,7 +212,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
 }
 
 double Appearance::shareThatDiffers() const {
-  // Blocks with a smaller correlation differ; blocks that are only blurred have a larger one.
+  // Two blocks with a smaller correlation differ. Blur alone leaves a larger correlation.
   constexpr float kUnlike = 0.2F;
   // The number of differing blocks is divided by at least this number of blocks. Otherwise, in a
   // small picture, a few blocks that differ by chance would give a large share.

@@ -8,42 +8,46 @@
 
 namespace ktgp_orb::targets {
 
-/// The images of a frame, from large to small.
+/// The image of a frame at several sizes, the largest first.
 struct FramePyramid {
   std::vector<cv::Mat> levels;
   double scale_factor = 1.2;  ///< size ratio of neighbouring levels
-  double enlargement = 1.0;   ///< px of level 0 per px of the camera
+  double enlargement = 1.0;   ///< size of level 0 divided by the size of the camera image
 };
 
-/// Compares a picture with the frame under a homography, block by block, by the correlation of grey
-/// values. The rate of chance hits is measured: it is the share of pairs that look alike when a
-/// block of the picture is compared with a wrong block of the frame nearby. So the blocks of a
-/// repetitive picture, which all look alike, are no evidence. Reuses its buffers.
+/// Maps a picture into the frame by a homography, and compares both images there, block by block:
+/// two blocks look alike if their grey values correlate (a hit). The rate of chance hits is
+/// measured, too: it is the share of hits when the blocks of the picture are compared with wrong
+/// blocks of the frame nearby. So the blocks of a repetitive picture, which all look alike, are no
+/// evidence. Reuses its buffers.
 class Appearance {
  public:
   struct Similarity {
-    /// log10 of the expected number of pictures that look as similar by chance.
+    /// log10 of the expected number of pictures that look as similar by chance; infinite if too few
+    /// blocks look alike.
     double log_false_alarms = 0.0;
-    double agreement = 0.0;  ///< share of the blocks in view that look alike, 0..1
-    bool differs = false;    ///< most blocks with texture in view do not look alike
+    double agreement = 0.0;  ///< share of the textured blocks in view that look alike, 0..1
+    bool differs = false;    ///< true if most textured blocks in view do not look alike
   };
 
-  /// Minimum ratio of the share of similar blocks at the homography's position to the largest such
-  /// share at a nearby position. A facade or a text still looks similar when shifted by one window
-  /// or one line. If a track predicts the position, its share only has to be the largest (ratio 1).
+  /// A facade or a text still looks similar when shifted by one window or one line. So the share of
+  /// blocks that look alike at the homography's position must be at least this many times as large
+  /// as at any nearby position. If a track predicts the position, the share only has to be the
+  /// largest (factor 1).
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 
-  /// `homography`: picture -> level 0 of the frame. `tests`: total number of comparisons (pictures
-  /// times homographies).
+  /// `homography`: picture -> level 0 of the frame. `tests`: number of comparisons that may give a
+  /// false alarm (pictures times homographies). `above_neighbours`: kAboveNeighbours or
+  /// kAboveNeighboursOfTrack.
   Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                      const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
-  /// Share of the blocks that look clearly different, among the blocks with texture in both images
-  /// of the last comparison. A different text counts as clearly different; different light or blur
-  /// does not. Blocks at the border are left out, because one of the images may be incomplete
-  /// there.
+  /// Returns how many blocks looked clearly different in the last compare(), as a share of the
+  /// blocks that have texture in both images. A different text counts as clearly different;
+  /// different light or blur does not. Blocks at the border are left out, because one of the images
+  /// may be incomplete there.
   double shareThatDiffers() const;
 
   /// Shifts a homography by up to `radius` px of the frame to the place where the images look most
@@ -54,12 +58,12 @@ class Appearance {
  private:
   struct Block {
     bool has_texture = false;
-    bool is_seen = true;  // whether the centre of the block is in the frame
+    bool is_seen = true;  // true if the centre of the block is in the frame
     float values[64];     // grey values, normalised to mean 0 and norm 1
   };
-  /// Result of comparing the picture with the frame at a shift by (dx, dy) blocks. `pairs`: number
-  /// of pairs of blocks whose block of the picture has texture. `hits`: number of these pairs that
-  /// look alike.
+  /// Result of comparing each textured block of the picture with the block of the frame that is
+  /// (dx, dy) blocks farther on. `pairs`: number of comparisons. `hits`: how many of these pairs of
+  /// blocks look alike.
   struct Agreement {
     double hits = 0.0;
     double pairs = 0.0;

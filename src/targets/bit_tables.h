@@ -17,13 +17,15 @@ class BitTables {
   static constexpr std::size_t kTables = 8;
   static constexpr int kMaxKeyBits = 20;
 
-  /// `fullest_cell`: if more descriptors than this share a key, they are skipped: the key says
-  /// little. `most_other_bits`: how many of 32 bits outside the key may differ.
+  /// `fullest_cell`: if more descriptors than this have the same key, find() skips them, because
+  /// such a frequent key says little. `most_other_bits`: find() compares 32 bits outside the key,
+  /// too, and skips a descriptor if more of them differ.
   BitTables(std::uint32_t fullest_cell, int most_other_bits)
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 
-  /// `bits_of(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
-  /// with fewer bits, the search finds more descriptors and takes longer.
+  /// Sorts `count` descriptors into the tables. `bits_of(i)`: returns descriptor number i.
+  /// `key_bits`: length of a key, 8..kMaxKeyBits; with shorter keys, find() finds more descriptors
+  /// and takes longer.
   template <typename BitsOf>
   void build(std::size_t count, int key_bits, BitsOf bits_of) {
     key_bits_ = key_bits;
@@ -53,10 +55,10 @@ class BitTables {
     std::uint32_t query;
     std::uint32_t item;
   };
-  /// Result of find() and its buffers, which several objects can share.
+  /// Result and buffers of find(). The caller owns them, so that several BitTables can share them.
   struct Found {
     std::vector<Similar> pairs;
-    std::size_t count = 0;  // number of valid pairs
+    std::size_t count = 0;  // only the first `count` pairs are valid
 
     struct Run {
       std::uint32_t query, others, begin, end;
@@ -65,9 +67,10 @@ class BitTables {
     std::vector<Run> runs;
   };
 
-  /// Finds the descriptors that have the same key as a query in one of the tables [`first`, `end`),
-  /// and that differ in few other bits. `wanted_of(q)`: the descriptor of query q < `queries`.
-  /// Works in steps; each step fetches the memory that the next step needs.
+  /// For each query, finds the descriptors that have the same key in one of the tables [`first`,
+  /// `end`) and differ in few other bits. `queries`: number of queries. `wanted_of(q)`: returns the
+  /// descriptor of query number q. Works in steps; each step prefetches the memory that the next
+  /// step reads.
   template <typename WantedOf>
   void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wanted_of,
             Found& found) const {
@@ -116,7 +119,7 @@ class BitTables {
     return static_cast<std::uint32_t>(bits[table / 2] >> (32 * (table % 2))) &
            ((1U << key_bits_) - 1U);
   }
-  /// 32 bits of the word that follows the key's word.
+  /// The middle 32 bits of the 64-bit word that follows the word with the key.
   static std::uint32_t otherBits(const growth::Bits& bits, std::size_t table) {
     return static_cast<std::uint32_t>(bits[(table / 2 + 1) % bits.size()] >> 16);
   }

@@ -14,14 +14,16 @@ namespace {
 
 // Longer side of the small copy that is compared with itself, px.
 constexpr double kCopySide = 96.0;
-constexpr double kLeastMove = 0.08;  // share of the side; a smaller shift counts as the same place
+// As a share of the picture's width or height; a smaller shift counts as no shift.
+constexpr double kLeastMove = 0.08;
 constexpr double kLeastAlike = 0.5;  // minimum correlation; low, since blocks are compared later
 constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
 constexpr std::size_t kMostPlaces = 4;
 
-/// px of the copy -> px of the copy turned clockwise by `quarters` right angles.
+/// The map from px of the copy to px of the copy after a clockwise rotation by `quarters` x 90
+/// degrees.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
   cv::Size now = size;
@@ -34,7 +36,7 @@ Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   return map;
 }
 
-/// Whether the picture looks roughly like itself under the map.
+/// Returns true if the picture looks roughly like itself after `map` has moved it (px -> px).
 bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
   const std::vector<cv::Mat> image{picture.image};
   UncertainHomography exact;
@@ -96,8 +98,9 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether `one` is much less likely to be a false alarm than `other`. If only a common part of
-/// both targets is in view, both have nearly the same support, so neither is clearly better.
+/// Whether `one` is much less likely to be a false alarm than `other`. If only a part that both
+/// targets have in common is in view, both have nearly the same evidence, so neither is clearly
+/// better.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;

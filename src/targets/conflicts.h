@@ -14,16 +14,17 @@ namespace ktgp_orb::targets {
 /// these poses apart. Empty if there is no such pose.
 std::string ambiguityOf(const TargetPicture& picture);
 
-/// Marks the doubtful targets (non-zero). A target is doubtful if another target explains the same
-/// part of the frame at least nearly as well (see FoundTarget::log_false_alarms). Two cases:
+/// Returns for each target in `found` whether it is doubtful (non-zero). A target is doubtful if
+/// another target explains the same part of the frame at least nearly as well (see
+/// FoundTarget::log_false_alarms). Two cases:
 /// - Both pictures have a part in common, such as a logo. Only this part of the doubtful target is
 /// seen, inside the other target. (A target on top of the other is not doubtful: it is seen as a
-/// whole and looks like its picture as much as the other does. Neither is a target below the other:
-/// parts of it are seen outside of the other.)
+/// whole and looks like its picture as much as the other does. A target below the other is not
+/// doubtful either: parts of it are seen outside of the other.)
 /// - Both targets cover nearly the same part of the frame.
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);
 
-/// Whether the target and `picture`, in which the target was found, show nearly the same part of
+/// `found`: a target that was found in `picture`. Returns true if both show nearly the same part of
 /// the scene. A common part, such as the upper half of a sign, is not enough.
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store);
 

@@ -6,8 +6,8 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kFractionBits = 4;   // coordinates for OpenCV are sixteenths of a pixel
-constexpr double kFarthest = 1e5;  // px
+constexpr int kFractionBits = 4;   // OpenCV gets coordinates in sixteenths of a pixel
+constexpr double kFarthest = 1e5;  // px; a target with a corner farther out is not drawn
 
 std::vector<cv::Point> outlineOf(const DetectedTarget& detection) {
   std::vector<cv::Point> outline;

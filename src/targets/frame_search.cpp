@@ -12,14 +12,16 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Minimum number of votes of a target's best seed for the target to be tried. The index returns
-// only the most similar keypoints of all targets, so each target has few wrong pairs.
+// A target is tried only if its best seed has at least this many votes. The number is low because
+// the index returns only the most similar keypoints of all targets, so each target has few wrong
+// pairs.
 constexpr std::int32_t kFewestIndexVotes = 2;
-// Minimum number of votes for a seed to be grown. Each keypoint of the frame is paired with the
-// most similar keypoint of this target, so there are many wrong pairs.
+// A seed is grown only if it has at least this many votes. The number is higher because here each
+// keypoint of the frame is paired with the most similar keypoint of this one target, so there are
+// many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
-// Minimum number of votes for a seed of a further instance. It is higher than for the first
-// instance, because most frames show only one instance.
+// The same limit once an instance of the target was found, for seeds of a further instance. It is
+// higher because most frames show only one instance.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
 // The thorough tables are searched only if the best seed has at least this many votes.
@@ -41,9 +43,9 @@ void FrameSearch::setFrame(const Features& features, double scale) {
   }
   tables_.setFrame(bits_);
   is_thorough_set_ = false;
-  // Keypoints are looked up in steps of about 0.618 of their number, so that the keypoints of one
-  // call are spread evenly. The step has no common divisor with the number, so every keypoint is
-  // reached.
+  // From one look-up to the next, the index of the keypoint grows by 0.618 times the number of
+  // keypoints (modulo this number), so that the keypoints of one call are spread evenly. The step
+  // has no common divisor with the number of keypoints, so every keypoint is reached.
   step_ = std::max<std::size_t>(1, bits_.size() * 618 / 1000);
   while (std::gcd(step_, bits_.size()) > 1) ++step_;
 }

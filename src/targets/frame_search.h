@@ -12,10 +12,11 @@
 
 namespace ktgp_orb::targets {
 
-/// A target that may be in the frame: some of its pairs of keypoints agree with each other.
+/// A target that may be in the frame: some pairs of its keypoints and keypoints of the frame agree
+/// with each other.
 struct Candidate {
   StoredTarget* target;
-  std::int32_t votes;  ///< votes of the best seed of the target
+  std::int32_t votes;  ///< votes of the target's best seed (see Seeds)
 };
 
 /// Searches for targets in one frame. The result for a target depends only on this target and the
@@ -26,12 +27,13 @@ class FrameSearch {
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)
       : options_(options), store_(store), tables_(kKeyBits), thorough_tables_(kThoroughKeyBits) {}
 
-  /// `features` must live until the last search. `scale`: px of the searched image per camera px.
+  /// `features`: features of the frame; must live until the last search in this frame. `scale`:
+  /// size of the searched image divided by the size of the camera image.
   void setFrame(const Features& features, double scale);
 
-  /// Looks up at most `count` keypoints in the index of all targets. Begins at place `turn` of a
-  /// fixed order. Keypoints that follow each other in this order lie in different parts of the
-  /// frame.
+  /// Looks up at most `count` keypoints of the frame in the index of all targets. The keypoints are
+  /// looked up in a fixed order, beginning with number `turn` of this order. Keypoints that follow
+  /// each other in this order lie in different parts of the frame.
   void lookUp(std::size_t turn, std::size_t count);
   /// The targets that may be in the frame, according to the keypoints looked up so far, sorted by
   /// the numbers of their pictures.
@@ -40,9 +42,10 @@ class FrameSearch {
   /// Finds at most options.max_instances instances of the target, appends them to `found`, and
   /// returns their number.
   int search(StoredTarget& target, std::vector<FoundTarget>& found);
-  /// Searches for one more instance within `radius` px of the place that `prediction` (picture's
-  /// `image` -> frame, px) predicts. Finds it by comparing the images, not by keypoints. Appends
-  /// the instance unless `found` has an instance of this target there.
+  /// Searches for one more instance within `radius` px of a predicted place. Finds it by comparing
+  /// the images, not by keypoints. Appends the instance unless `found` has an instance of this
+  /// target there. `picture`: number of the picture in the store. `prediction`: predicted
+  /// homography from the picture's `image` to the frame, px.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   double radius, std::vector<FoundTarget>& found);
 
@@ -67,10 +70,10 @@ class FrameSearch {
   FrameTables tables_;
   FrameTables thorough_tables_;  // built for the frame only if needed
   bool is_thorough_set_ = false;
-  std::size_t step_ = 1;  // step between keypoints that are looked up
+  std::size_t step_ = 1;  // from one look-up to the next, the keypoint's index grows by this
   std::vector<std::uint32_t> queries_;
   std::vector<IndexHit> hits_;                // result of the look-up in the index
-  std::vector<std::vector<IndexHit>> pairs_;  // pairs of each picture of one target
+  std::vector<std::vector<IndexHit>> pairs_;  // the pairs of each picture of a target
   std::vector<Candidate> candidates_;
   std::vector<FoundTarget> undetermined_;
   Seeds seeds_;
@@ -79,7 +82,7 @@ class FrameSearch {
   PictureSearch rest_;               // searches the features that are not taken
   std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
   Features rest_features_;
-  std::vector<std::int32_t> rest_numbers_;  // numbers of rest_features_ in the whole frame
+  std::vector<std::int32_t> rest_numbers_;  // for each of rest_features_, its number in features_
 };
 
 }  // namespace ktgp_orb::targets

@@ -12,10 +12,11 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Distance between patches, px of the small picture: half a patch.
+// Distance between neighbouring patches, px of the small picture (the picture shrunk to its size in
+// the frame): half the side of a patch.
 constexpr double kPatchStep = 8.0;
-constexpr double kPatchReach = 4.0;  // px
-// Border around the small picture, px, since the alignment reads pixels beside a patch.
+constexpr double kPatchReach = 4.0;  // largest distance by which a patch may move, px
+// Border around the small picture, px, because the alignment reads pixels beside a patch.
 constexpr int kMargin = 8;
 constexpr std::size_t kFewestPatches = 12;
 
@@ -42,7 +43,7 @@ bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Ma
   constexpr double kFirstReach = 24.0;  // first radius of the growth, px of the small picture
   constexpr double kReachFactor = 1.4;
   constexpr std::size_t kFewestForHomography = 40;
-  constexpr double kScale = 1.0;  // px
+  constexpr double kScale = 1.0;  // error at which a patch has half the weight, px
   setPicture(picture, map);
   aligner_.setImages(small_, frame);
   const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
@@ -92,8 +93,8 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   return true;
 }
 
-/// Largest error, px, of a patch that agrees with the homography. Patches with larger errors were
-/// matched at a wrong place.
+/// Returns the largest error, px, at which a patch still agrees with the homography. Patches with
+/// larger errors were aligned at a wrong place.
 double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
   constexpr double kTimesMedian = 3.0;
   constexpr double kLeast = 0.3;  // px
@@ -106,7 +107,8 @@ double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
   return std::max(kLeast, kTimesMedian * *middle);
 }
 
-/// Whether the patch of the frame that shows `point` lies entirely within the picture.
+/// A patch is a square in the frame. Returns true if the patch around `point` (px of the small
+/// picture) shows only the picture, nothing beside it. `map`: small picture -> frame.
 bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d& point) const {
   constexpr double kHalf = 0.5 * alignment::kPatchSide;
   const Eigen::Matrix2d back = homography::jacobianByPoint(map, point).inverse();
@@ -115,9 +117,9 @@ bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d&
          point.x() < size_.width - 1.0 - margin.x() && point.y() < size_.height - 1.0 - margin.y();
 }
 
-/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if the number of
-/// patches that were found in the frame, or their share of the usable patches, is too small. `map`:
-/// small picture -> frame.
+/// Aligns the patches on a grid with a spacing of `step` px, within `reach` px of `centre` (all in
+/// px of the small picture). `map`: small picture -> frame. Returns false if too few patches were
+/// found in the frame, in number or as a share of the patches with texture.
 bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, double step,
                                const Eigen::Matrix3d& map) {
   constexpr double kLeastShare = 0.3;
@@ -147,10 +149,11 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
          static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
 }
 
-/// Sums the errors of each band of rows. Returns the sums of all squared errors in x and y, px².
+/// Computes the sums of each band of rows. Returns the sum of the squared errors of all patches, in
+/// x and in y, px².
 Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
-  // Height of a band, px. The rows of a band move together, since a period of a motor's vibration
-  // lasts some hundred rows.
+  // Height of a band, px. The rows of a band move together, because the readout of some hundred
+  // rows takes as long as one period of a motor's vibration.
   constexpr double kBand = 16.0;
   constexpr double kLargest = 3.0;  // px; a larger error is a wrong match
   bands_.clear();
@@ -179,7 +182,7 @@ Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
 /// residuals do not show that part. If the mean residuals of the bands of rows vary by more than
 /// the noise explains, this function adds the excess variance of each band to the covariance.
 void PictureAligner::addVibration(UncertainHomography& estimate) {
-  constexpr double kFitted = 3.0;  // number of bands that a homography can follow, per coordinate
+  constexpr double kFitted = 3.0;  // a homography can fit the shifts of this many bands
   // Neighbouring patches overlap by half in x and y, so the noise variance of a mean is this many
   // times as large as for independent patches.
   constexpr double kOverlap = 4.0;
@@ -208,7 +211,7 @@ void PictureAligner::addVibration(UncertainHomography& estimate) {
   estimate.shared_covariance += unseen;
 }
 
-/// Fits the homography to the patches last aligned.
+/// Fits the homography to the patches that alignNear() has aligned last.
 bool PictureAligner::refine(UncertainHomography& estimate) {
   constexpr double kMaxError = 3.0;  // px
   return refiner_.refine(reference_, target_, size_,

@@ -20,17 +20,18 @@ class PictureAligner {
  public:
   PictureAligner();
 
-  /// Grows the homography of the whole picture from a map that is right near one position.
-  /// `centre`: that position, px of the picture. `map`: picture -> frame, affine. True: `estimate`
-  /// is the homography. False: too few patches agree around the position.
+  /// Finds the homography of the whole picture from `map`, an affine map picture -> frame that is
+  /// right only near `centre` (px of the picture). Aligns the patches near `centre`, fits the map
+  /// to them, and repeats this with a larger and larger radius. Returns true if `estimate` is the
+  /// homography; false if too few patches agree.
   bool grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
             const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
             UncertainHomography& estimate);
 
   /// `frame`: pyramid of the frame, not empty. `estimate`: picture -> frame, px; its error is at
-  /// most about 4 px. True: `estimate` is corrected, and `pairs` are the pairs of points to which
-  /// it was fitted. False: both are unchanged, since too few patches were found again, or they do
-  /// not agree on a homography.
+  /// most about 4 px. Returns true if it has corrected `estimate`; `pairs` are then the pairs of
+  /// points to which it was fitted. Returns false, with both unchanged, if too few patches were
+  /// found in the frame or if they do not agree on a homography.
   bool align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
              UncertainHomography& estimate, PointPairs& pairs);
 
@@ -44,11 +45,13 @@ class PictureAligner {
   Eigen::Vector2d sumBands(const Eigen::Matrix3d& homography);
   void addVibration(UncertainHomography& estimate);
 
-  /// Rows of the frame that are exposed at about the same time, and the patches in them.
+  /// Sums over the patches in a band of rows of the frame, which are exposed at about the same
+  /// time.
   struct Band {
     double count = 0.0;
-    Eigen::Vector2d error = Eigen::Vector2d::Zero();                          // sum, px
-    Eigen::Matrix<double, 2, 8> slope = Eigen::Matrix<double, 2, 8>::Zero();  // sum
+    Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of the errors, px
+    // Sum of the derivatives of the patches' positions with respect to the homography's entries.
+    Eigen::Matrix<double, 2, 8> slope = Eigen::Matrix<double, 2, 8>::Zero();
     Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
   };
 
@@ -56,7 +59,7 @@ class PictureAligner {
   homography::HomographyRefiner refiner_;
   cv::Mat shrunk_;              // the picture at the size that it has in the frame
   std::vector<cv::Mat> small_;  // pyramid with one level: shrunk_ with a border
-  cv::Size size_;               // size of the picture without the border
+  cv::Size size_;               // size of shrunk_
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<double> errors_;  // px
   std::vector<Band> bands_;

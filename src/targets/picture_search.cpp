@@ -14,10 +14,11 @@ namespace {
 using growth::Grower;
 using growth::kTargetPlan;
 
-// Search radius after a fit to many seeds, px; small, since the fit predicts better than one seed.
+// Search radius after a fit to many seeds, px. It is small, because such a fit predicts positions
+// better than one seed.
 constexpr float kRadiusAfterFit = 7.F;
 
-/// Whether the homography can be a view of the whole picture.
+/// Returns true if the homography shows the whole picture from its front, as a real view does.
 bool isView(const Eigen::Matrix3d& homography, const TargetPicture& picture) {
   return homography::keepsPlaneInView(homography,
                                       homography::imageCorners(picture.image.size(), {}));
@@ -34,7 +35,7 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 
 bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;  // px
-  // number of maps that must explain a seed; a single map may be wrong
+  // A seed is explained if it agrees with this many maps; a single map may be wrong.
   constexpr std::ptrdiff_t kTwice = 2;
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from(), seed.to()) < kNear;
@@ -78,9 +79,9 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   return true;
 }
 
-/// Weaker evidence is enough here than in a search of the whole frame for any picture, because
-/// chance has fewer opportunities: a false alarm would have to lie within the radius and to look
-/// more like the picture than the places around it.
+/// Weaker evidence is enough here than if the whole frame is searched for all pictures, because
+/// there are fewer opportunities for a false alarm: it would have to lie within the radius and to
+/// look more like the picture than the places around it.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundTarget& found) {
   constexpr double kPlaces = 100.0;  // number of independent places within the radius
@@ -144,8 +145,9 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   }
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
-  // Limits the period, because another copy of the target beside this copy must not count as a
-  // repetition within the picture.
+  // The verdict also counts the matches after a shift by a period of the scene, such as the
+  // distance between two windows. Longer shifts are left out, because they lead to another copy of
+  // the target beside this one.
   const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
@@ -162,7 +164,7 @@ Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, s
   return appearance_.compare(picture, found.estimate.homography, frame_, tests);
 }
 
-/// Whether the images confirm the target.
+/// Returns true if the images look so similar that chance does not explain it.
 bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures, FoundTarget& found) {
   const Appearance::Similarity seen = similarity(picture, pictures, found);
   found.log_false_alarms = seen.log_false_alarms;
@@ -180,7 +182,8 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
   return !seen.differs;
 }
 
-/// Fits the homography of maximum likelihood. False if the pairs do not determine it.
+/// Fits the homography of maximum likelihood to the pairs that the grower has found. `map`: initial
+/// guess, picture -> frame. Returns false if the pairs do not determine the homography.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
                         FoundTarget& found) {
   takePairs(found);
@@ -236,7 +239,8 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
 }
 
 bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
-  // Largest standard deviation of a corner, px, in the image in which it is smaller.
+  // Largest allowed standard deviation of a corner, px. It is computed in the frame and in the
+  // picture, and the smaller of the two values counts.
   constexpr double kMostDeviation = 5.0;
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,

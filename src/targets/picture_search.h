@@ -27,8 +27,9 @@ struct FoundTarget {
   PointPairs pairs;  ///< pairs to which `estimate` was fitted, px of `image` and of the frame
   /// Numbers of the keypoints of the frame that agree with `estimate`.
   std::vector<std::int32_t> keypoints;
-  double log_false_alarms = 0.0;
-  /// Share of the visible part that looks like the picture; 0: not compared.
+  double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
+  /// Share of the visible part that looks like the picture, 0..1; 0 if the images were not
+  /// compared.
   double agreement = 0.0;
 };
 
@@ -36,14 +37,15 @@ struct FoundTarget {
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class PictureSearch {
  public:
-  /// Sets the features of the frame to search in. `numbers`: their numbers in the whole frame;
-  /// empty if these are all features. `frame`: may have no images.
+  /// `features`: the features of the frame to search in. `numbers`: for each of them, its number
+  /// among all features of the frame; empty if `features` are all of them. `frame`: may have no
+  /// images.
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                 const FramePyramid& frame);
 
-  /// Tries the best seeds, at most kMostSeeds, until a seed grows to a homography that chance does
-  /// not explain. `pictures`: number of known pictures; each picture is one more opportunity for a
-  /// chance hit.
+  /// Tries the best seeds, at most kMostSeeds, until a seed grows to a homography that is too good
+  /// to be a chance hit. `pictures`: number of known pictures; each picture is one more opportunity
+  /// for a chance hit.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundTarget& found);
   /// Follows a picture that was seen in the last frame. Finds it by comparing the images near the
@@ -53,14 +55,15 @@ class PictureSearch {
               FoundTarget& found);
   /// Refines the homography by aligning patches of the picture with the frame.
   void align(const TargetPicture& picture, FoundTarget& found);
-  /// Compares the images again if their agreement before the alignment was small. False if most of
-  /// the visible part looks different.
+  /// Compares the images again if their agreement before the alignment was small. Returns false if
+  /// most of the visible part looks different.
   bool confirm(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
-  /// False if so little of the picture is in view that its corners could be anywhere.
+  /// Returns false if so little of the picture is in view that the positions of its corners are
+  /// uncertain.
   static bool isDetermined(const TargetPicture& picture, const FoundTarget& found);
 
-  /// Limits of log10 of the expected number of false alarms, for a search of the whole frame and
-  /// for a followed target.
+  /// A picture counts as found if log10 of the expected number of false alarms is below this limit.
+  /// The first limit is for a search of the whole frame, the second for a followed target.
   static constexpr double kLogMaxFalseAlarms = -8.0;
   static constexpr double kLogMaxOfTrack = -4.0;
 
@@ -78,7 +81,8 @@ class PictureSearch {
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
               FoundTarget& found);
-  /// Refines `start` by aligning patches. True: `found` has the result.
+  /// Refines `start` by aligning patches. Returns true and stores the result in `found` if this
+  /// succeeds.
   bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
                  FoundTarget& found);
   Appearance::Similarity similarity(const TargetPicture& picture, std::size_t pictures,
@@ -87,7 +91,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Removes the pairs of `found` that the last labelling marked as outliers.
+  /// Removes the pairs of `found` that `labelled_` marks as outliers.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;

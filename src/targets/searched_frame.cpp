@@ -11,9 +11,10 @@ namespace {
 
 constexpr double kOctave = 2.0;
 
-/// Enlargement of a frame if small targets are wanted; 1: none.
+/// Factor by which a frame is enlarged if small targets are wanted; 1: not enlarged.
 double enlargementOf(int longer_side) {
-  // Wanted longer side, px. A search in a larger frame takes longer and misses large targets.
+  // Wanted longer side of the enlarged frame, px. A search in a larger frame takes longer and
+  // misses large targets.
   constexpr double kEnlarged = 960.0;
   constexpr double kMost = 4.0;
   constexpr double kLeast = 1.25;  // a smaller factor finds hardly more targets
@@ -23,8 +24,9 @@ double enlargementOf(int longer_side) {
   return by >= kLeast ? by : 1.0;
 }
 
-/// Adds pyramid levels for the enlargement, at most an octave, so that large targets are still
-/// found. Beyond an octave, edges become softer, so the threshold for corners is lowered.
+/// Options for a frame that is enlarged by the factor `by`. Adds pyramid levels, enough for a
+/// factor of at most 2, so that large targets are still found. If the factor is larger, edges
+/// become softer, so the threshold for corners is lowered.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);

@@ -12,27 +12,28 @@ namespace ktgp_orb::targets {
 /// A frame, resized for the search. If small targets are wanted, the frame is enlarged to twice its
 /// size, because a target below kSmallSide has too few keypoints. A frame whose longer side is
 /// below 480 px is enlarged up to four times, because targets are smaller there. The longer side of
-/// an enlarged frame is at most kLargestFrame. So a frame above half of this limit is enlarged less
-/// than twofold, and a frame above four fifths of it is not enlarged. A frame above kLargestFrame
-/// is shrunk, because the pyramid cannot find a target that fills it. Reuses its buffers.
+/// an enlarged frame is at most kLargestFrame. So a frame longer than half of this limit is
+/// enlarged by a factor of less than two, and a frame longer than four fifths of it is not
+/// enlarged. A frame longer than kLargestFrame is shrunk, because the pyramid cannot find a target
+/// that fills it. Reuses its buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);
 
   /// `image` must live until the next call. `wants_small`: targets below kSmallSide are wanted.
   void set(const cv::Mat& image, bool wants_small);
-  /// Uses the given features, unchanged.
+  /// Uses features that the caller has extracted from the frame at its original size.
   void set(const Features& features);
 
   const Features& features() const { return *features_; }
-  /// px of the searched frame per px of the frame.
+  /// Size of the searched frame divided by the size of the original frame.
   double scale() const { return scale_; }
   /// The map from the searched frame to the original frame, px.
   const Eigen::Matrix3d& toFrame() const { return to_frame_; }
   /// The frame at its original size, as a pyramid with one level; empty if features were given.
   const std::vector<cv::Mat>& own() const { return own_; }
 
-  /// Targets whose shorter side is below this limit are small, px of the frame.
+  /// A target is small if its shorter side in the original frame is below this limit, px.
   static constexpr double kSmallSide = 80.0;
   static constexpr int kLargestFrame = 2500;  ///< limit of a searched frame's longer side, px
 

@@ -9,7 +9,7 @@
 namespace ktgp_orb::targets {
 namespace {
 
-/// The inner loop of the votes in plain C++, the reference for the vector versions.
+/// The loop that counts the votes for a seed in plain C++, the reference for the vector versions.
 std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count,
                       const SeedMap& seed) {
   std::int32_t votes = 0;
@@ -22,7 +22,7 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-// Maximum number of pairs, to save time; the first pairs are used.
+// Only this many pairs, the first ones, are used, to save time.
 constexpr std::size_t kMost = 300;
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
@@ -30,8 +30,9 @@ Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
   const growth::LocalFrame& from = reference.frames()[hit.keypoint];
   const Eigen::Matrix2f& to_view = reference.toView(hit.keypoint);
   const float area = std::abs(to_view.determinant());
-  // The map from the view to the frame is a similarity. The directions and sizes of the two
-  // keypoints determine it.
+  // The map from the keypoint's view of the picture to the frame is taken as a rotation and a
+  // scale, which follow from the directions and sizes of the two keypoints. d: direction in the
+  // view; c, s: cosine and sine of the rotation, times the scale.
   const Eigen::Vector2f d = (to_view * Eigen::Vector2f(from.dx, from.dy)).normalized();
   const float scale = std::exp(to.log_size - from.log_size) / std::sqrt(area);
   const float c = scale * (d.x() * to.dx + d.y() * to.dy);
@@ -82,7 +83,7 @@ void Seeds::vote(std::int32_t fewest_votes) {
 }
 
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
-  // px; a larger value gives the seed's own linear map more weight
+  // In px; a larger value gives the seed's own linear map more weight than the voters' positions.
   constexpr double kOwnReach = 30.0;
   growth::Places from, to;
   for (const Seed& voter : seeds) {

@@ -22,19 +22,20 @@ struct Seed {
   Eigen::Vector2d to() const { return {map.to_x, map.to_y}; }        ///< px of the frame
 };
 
-/// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map, and gets
-/// a vote from each other pair that is near, lies at the place that the map predicts, and has a
-/// similar map.
+/// Makes seeds from pairs of keypoints of one picture and the frame. Each pair predicts an affine
+/// map from picture to frame, and gets a vote from each other pair that is near, lies at the place
+/// that the map predicts, and has a similar map.
 class Seeds {
  public:
-  /// Makes seeds from the pairs in [begin, end), which must all be of the picture of `reference`.
-  /// `frames`: keypoints of the frame. `taken`: non-zero for keypoints that are not used; empty:
-  /// all keypoints are used.
+  /// Makes seeds from the pairs in [begin, end), which must all belong to one picture. `reference`:
+  /// keypoints of this picture. `frames`: keypoints of the frame. `taken`: non-zero for keypoints
+  /// of the frame that must not be used; empty if all may be used. Drops seeds with fewer than
+  /// `fewest_votes` votes.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// The seeds with at least `fewest_votes` votes, sorted by votes, most votes first.
+  /// The seeds that are left, sorted by votes, most votes first.
   const std::vector<Seed>& best() const { return seeds_; }
   /// Votes of the best seed; 0 if there is no seed.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }
@@ -44,7 +45,7 @@ class Seeds {
 
   const VoteKernel* kernel_ = &bestVoteKernel();
   std::vector<Seed> seeds_;
-  std::vector<float> columns_;  // maps of the seeds, one column per value
+  std::vector<float> columns_;  // maps of the seeds for the vote kernel, one column per value
 };
 
 /// The affine map from picture to frame near the seed, fitted to the pairs that vote for the seed.

@@ -367,7 +367,7 @@ bool TargetFinder::Impl::wantsSmall() const {
 /// is wider, so a patch shows fewer details. In the second case, small targets are not refined,
 /// because they have too few patches in the original frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
-  constexpr double kMostStretch = 1.2;  // maximum px of the original frame per px of the picture
+  constexpr double kMostStretch = 1.2;  // maximum size in the original frame / size of the picture
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);

@@ -84,7 +84,7 @@ void TargetIndex::search(const std::vector<growth::Bits>& wanted,
   }
 }
 
-/// Works in steps. Each step fetches the memory that the next step needs.
+/// Works in steps. Each step prefetches the memory that the next step reads.
 void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                                 const std::uint32_t* queries, std::size_t count) {
   segment.tables.find(
@@ -117,7 +117,7 @@ void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) cons
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  // the hit is in the list, since another table has found it, too
+  // The hit is already in the list, because another table has found it, too.
   if (place != nearest.end() && !before(hit, *place)) return;
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();
@@ -156,8 +156,8 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
   });
 }
 
-/// Remembers the most similar keypoint of the picture so far, and the distance of the most similar
-/// keypoint at another place.
+/// Updates `nearest` with a keypoint of the picture: the most similar keypoint so far, and the
+/// distance of the most similar keypoint at another place.
 void FrameTables::keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
                        Nearest& nearest) const {
   constexpr float kApart = 8.F;  // px of the picture

@@ -11,18 +11,18 @@ namespace ktgp_orb::targets {
 
 /// A keypoint of a picture that looks like a keypoint of the frame.
 struct IndexHit {
-  std::uint32_t picture;
+  std::uint32_t picture;   ///< number of the picture in the store
   std::uint32_t keypoint;  ///< number of the picture's keypoint
   std::uint32_t query;     ///< number of the keypoint in the frame
-  std::int32_t distance;   ///< Hamming
+  std::int32_t distance;   ///< Hamming distance of their descriptors
 };
 
-/// Finds the descriptors of all pictures that are similar to a given descriptor. It misses a few of
-/// them.
+/// Index of the descriptors of all pictures. Finds the descriptors that are similar to a given one,
+/// but misses a few of them.
 class TargetIndex {
  public:
-  /// Whether a picture may be added under this number. False while the index has entries of an
-  /// earlier picture with the same number.
+  /// Returns true if a picture may be added under this number. Returns false while the index still
+  /// has entries of a removed picture with the same number, or if the number is in use.
   bool isFree(std::uint32_t picture) const {
     return picture >= is_used_.size() || is_used_[picture] == 0;
   }
@@ -36,8 +36,9 @@ class TargetIndex {
   /// each frame.
   void optimise();
 
-  /// Appends the most similar descriptors, at most kNearest, for each of `queries`, which are
-  /// indices into `wanted`. At equal distances, lower numbers come first.
+  /// For each query, finds the most similar descriptors, at most kNearest, and appends them to
+  /// `hits`. `queries`: indices into `wanted`. At equal distances, lower numbers of pictures and
+  /// keypoints come first.
   void search(const std::vector<growth::Bits>& wanted, const std::vector<std::uint32_t>& queries,
               std::vector<IndexHit>& hits);
 
@@ -69,8 +70,8 @@ class TargetIndex {
   std::vector<Segment> segments_;  // sorted by size, the largest segment first
   std::size_t removed_ = 0;        // number of entries of removed pictures
   bool is_changing_ = false;       // pictures have changed since the last optimise()
-  // Number of queries that are searched together, so that the memory for one query can be fetched
-  // during the work on the others.
+  // Number of queries that are searched together, so that the processor can fetch the memory for
+  // one query while it works on the others.
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
@@ -88,7 +89,8 @@ class FrameTables {
   /// Pairs each keypoint of the frame with the most similar keypoint of the picture, if their
   /// distance is at most kMaxDistance; a few pairs are missed. The clearest pairs come first: pairs
   /// are sorted by the ratio of their distance to the distance of the most similar keypoint at
-  /// another place of the picture. The pairs depend only on this picture and the frame.
+  /// another place of the picture. The pairs depend only on this picture and the frame. `number`:
+  /// number of the picture in the store.
   void match(std::uint32_t number, const growth::ReferenceFrames& picture,
              std::vector<IndexHit>& pairs);
 
@@ -109,7 +111,7 @@ class FrameTables {
   std::vector<growth::Bits> bits_;
   BitTables tables_{32, 10};
   BitTables::Found found_;
-  std::vector<Nearest> nearest_;  // one entry for each keypoint of the frame
+  std::vector<Nearest> nearest_;  // one entry per keypoint of the frame
 };
 
 }  // namespace ktgp_orb::targets

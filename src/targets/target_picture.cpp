@@ -12,17 +12,17 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Minimum distance of a keypoint from the border of the target, in diameters of its patch, because
-// beyond the border the frame shows something else.
+// A keypoint must be at least this many diameters of its patch away from the target's border,
+// because beyond the border the frame shows something else.
 constexpr double kInside = 0.35;
-// Number of pyramid levels at each of kSizes. All pyramids together reach down to a tenth of the
-// image's size, and each level has enough keypoints.
+// The image and its views get a pyramid with this many levels at each of kSizes. All pyramids
+// together reach down to a tenth of the image's size, and each level has enough keypoints.
 constexpr int kLevels = 5;
 // Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
 // as a share of the wanted number.
 constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
-constexpr double kLeastSize = 40.0;  // minimum longer side, px
-// Minimum shorter side of the image. In a narrower image, no keypoint is far enough from both
+constexpr double kLeastSize = 40.0;  // minimum longer side of a shrunk image, px
+// Minimum shorter side of the image. In a narrower image, no keypoint is far enough from both long
 // borders.
 constexpr int kLeastRoom = 24;  // px
 
@@ -48,7 +48,7 @@ void addHalves(TargetPicture& picture) {
   }
 }
 
-/// Keeps the keypoints of `view` whose patch is inside the target.
+/// Removes the keypoints of `view` that are too near the border of the target.
 void keepInside(const cv::Size& target, ReferenceView& view) {
   const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
   const double scale = std::sqrt(std::abs(from_view.determinant()));

@@ -18,22 +18,23 @@ constexpr int kPictureBorder = 48;
 
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
-  cv::Mat image;                ///< 8-bit grey, resized to largest_side if larger
+  cv::Mat image;                ///< 8-bit grey, shrunk if longer than largest_side
   std::vector<cv::Mat> halves;  ///< `image` at a half, a quarter and so on of its size
   cv::Size full_size;           ///< size of the given image, px
-  double scale = 1.0;           ///< px of the given image per px of `image`
+  double scale = 1.0;           ///< size of `image` divided by the size of the given image
   growth::ReferenceFrames frames;
   std::size_t own = 0;  ///< number of keypoints of `image`; the keypoints of its views follow them
-  StoredTarget* owner = nullptr;  ///< target in the store; null: not in a store
+  StoredTarget* owner = nullptr;  ///< its target in the store; null: not in a store
 };
 
-/// Creates the views and extracts their features. `features`, `largest_side`, `views`: see
-/// TargetFinderOptions. A very narrow image has no keypoints. Throws std::invalid_argument for an
-/// image of another type.
+/// Shrinks the image if it is larger than `largest_side`, creates its views, and extracts their
+/// features. `features`, `largest_side`, `views`: see TargetFinderOptions. A very narrow image gets
+/// no keypoints. Throws std::invalid_argument for an image of another type.
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 
-/// Resizes `picture.image`. `method`: cv::INTER_AREA shifts nothing, cv::INTER_LINEAR is faster.
+/// Resizes `picture.image` to `size`. `method`: cv::INTER_AREA does not shift the content of the
+/// image; cv::INTER_LINEAR is faster.
 void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
             cv::Mat& small);
 

@@ -16,7 +16,8 @@ namespace {
 
 constexpr double kMostMisfit = 9.21;  // 99 % quantile of chi-square with two degrees of freedom
 
-/// Indices of points that are `apart` px or more from each other, in x or in y.
+/// Chooses points of which any two are at least `apart` px from each other, in x or in y. Returns
+/// their indices.
 std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
   std::vector<std::size_t> chosen;
   chosen.reserve(points.size());
@@ -45,7 +46,7 @@ struct TargetPose::Impl {
                       UncertainHomography& answer);
 
   double readout_time = -1.0;
-  std::vector<Seen> seen;  // recent detections of targets
+  std::vector<Seen> seen;  // recent detections, one per instance of a target
   ProsacHomography prosac;
   ProsacResult result;
   PointPairs pairs;
@@ -53,8 +54,8 @@ struct TargetPose::Impl {
   homography::HomographyRefiner refiner;
 };
 
-/// The homography of the pairs after their lens distortion was removed; empty if the pairs do not
-/// agree on a homography.
+/// Removes the lens distortion from the target's point pairs, and fits a homography to them.
+/// Returns nothing if the pairs do not agree on a homography.
 std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
                                                                const Lens& lens) {
   constexpr double kPatchSide = 15.0;  // approximate side of a patch, px
@@ -83,7 +84,8 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
 
 void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
                                       UncertainHomography& answer) {
-  // Longest time since the last detection, s; later, a hand-held camera may have changed its speed.
+  // Longest time since the previous detection, s. After a longer time, a hand-held camera may have
+  // changed its speed.
   constexpr double kLongest = 0.2;
   const auto age = [&](const Seen& one) { return 1e-9 * static_cast<double>(stamp - one.stamp); };
   seen.erase(std::remove_if(seen.begin(), seen.end(),
@@ -131,8 +133,10 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   };
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
-  // The readout time is unknown. If the covariance includes the shutter, the fit attributes large
-  // errors to the shutter, and may have no minimum. So a large misfit enlarges the noise.
+  // The readout time is unknown, so the covariance of `found` also allows for a distortion by the
+  // shutter. Then the fit of the pose attributes large errors to the shutter, and may find no pose.
+  // So if the errors are larger than the covariance explains, the noise is enlarged and the pose is
+  // fitted again.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

@@ -31,7 +31,8 @@ Track trackOf(const FoundTarget& found, TargetStore& store) {
 void Tracks::setScale(double scale) {
   const double by = scale / std::exchange(scale_, scale);
   if (by == 1.0) return;
-  // At both scales, the centre of the first pixel is (0, 0), the corner of the image (-0.5, -0.5).
+  // At both scales, the first pixel has its centre at (0, 0), and its outer corner at (-0.5, -0.5).
+  // Resizing keeps this corner in place, so it shifts the centre.
   const Eigen::Vector2d shift = Eigen::Vector2d::Constant(0.5 * (by - 1.0));
   Eigen::Matrix3d resize = Eigen::Matrix3d::Identity();
   resize.topLeftCorner<2, 2>() *= by;

@@ -26,24 +26,25 @@ struct Track {
 /// Gives each instance of a target a number that stays the same while the instance is followed.
 class Tracks {
  public:
-  /// Converts all tracks to px of frames that are enlarged by `scale`.
+  /// Converts all tracks to px of the next searched frame. `scale`: its size divided by the size of
+  /// the original frame.
   void setScale(double scale);
-  /// Whether the next frame should be enlarged: true if no instance is followed, if an instance was
-  /// lost, or if the longer side of an instance is below 1.5 times `side`. `side`: px of the
-  /// original frame.
+  /// Returns true if the next frame should be enlarged: if no instance is followed, if an instance
+  /// was lost, or if the longer side of an instance is below 1.5 times `side` (px of the original
+  /// frame).
   bool needsLargerFrame(double side) const;
   /// Call it before each frame.
   void beginFrame();
   /// Assigns each detection to the nearest track of the same target, if their distance is below the
   /// extent of the target, or else to a new track with the lowest free number. The nearest pairs
-  /// are assigned first, so pass all detections at once. Appends the tracks in the order of
-  /// `found`.
+  /// are assigned first, so pass all detections at once. Appends the track of each detection to
+  /// `tracks`, in the order of `found`.
   void assign(const std::vector<FoundTarget>& found, TargetStore& store,
               std::vector<Track>& tracks);
   /// Call it after each frame: forgets instances that were not seen for kMostUnseen frames.
   void endFrame();
 
-  /// Tracks that were seen in the last frame but have no detection in this frame so far.
+  /// Tracks whose instance was seen in the last frame but has no detection in this frame so far.
   std::vector<Track> missing() const;
   bool wasSeen(const StoredTarget& target) const;
   void forget(const StoredTarget& target);
@@ -58,7 +59,7 @@ class Tracks {
   double scale_ = 1.0;
 };
 
-/// The predicted homography picture -> frame for the next frame.
+/// The predicted homography from the picture's `image` to the next frame, px.
 Eigen::Matrix3d predicted(const Track& track);
 
 }  // namespace ktgp_orb::targets

@@ -10,26 +10,29 @@ namespace ktgp_orb::targets {
 struct SeedMap {
   float from_x, from_y;  ///< px of the picture
   float to_x, to_y;      ///< px of the frame
-  float log_area;        ///< natural logarithm of the scale of areas
+  float log_area;        ///< natural logarithm of the factor by which the map scales areas
   float xx, xy, yx, yy;  ///< linear part of the map, row by row
-  float norm;            ///< norm of the linear part
+  float norm;            ///< Frobenius norm of the linear part
 };
 constexpr std::size_t kSeedMapValues = 10;
-/// Number of floats after the last seed that the kernels may read.
+/// Each column of SeedMaps needs this many more floats after its last seed, because the kernels may
+/// read beyond the seed.
 constexpr std::size_t kReadBeyond = 16;
 
-constexpr float kVoteReach = 150.F;  ///< largest distance from the seed, px of the picture
-/// Minimum distance from the seed, px; nearer keypoints may show the same corner.
+constexpr float kVoteReach = 150.F;  ///< largest distance between voter and seed, px of the picture
+/// Minimum distance of a voter from the seed, px of the picture; nearer keypoints may show the same
+/// corner.
 constexpr float kVoteApart = 8.F;
-constexpr float kVoteCosine = 0.85F;  ///< minimum cosine between the linear parts of the maps
-/// Largest difference of log_area: a factor of 1.6 in length.
+constexpr float kVoteCosine = 0.85F;  ///< minimum cosine of the angle between both linear parts
+/// Largest difference between the log_area of both maps: a factor of 1.6 in length.
 constexpr float kVoteLogArea = 0.94F;
-constexpr float kVoteSlack = 4.F;  ///< allowed error, px of the frame
-/// Allowed error, as a share of the distance from the seed; added in quadrature to kVoteSlack.
+constexpr float kVoteSlack = 4.F;  ///< allowed error of the predicted place, px of the frame
+/// Allowed error, as a share of the predicted distance from the seed in the frame; added in
+/// quadrature to kVoteSlack.
 constexpr float kVoteRelativeSlack = 0.25F;
 
-/// Whether `voter` is near `seed`, lies at the place that the map of `seed` predicts, and has a
-/// similar map.
+/// Returns true if `voter` is near `seed`, lies at the place that the map of `seed` predicts, and
+/// has a similar map.
 inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
   const float x = voter.from_x - seed.from_x;
   const float y = voter.from_y - seed.from_y;
@@ -51,7 +54,8 @@ inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
   return product > kVoteCosine * voter.norm * seed.norm;
 }
 
-/// The inner loop of Seeds for one instruction set. All kernels give the same numbers.
+/// The loop that counts the votes for a seed, compiled for one instruction set. All kernels give
+/// the same numbers.
 struct VoteKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 

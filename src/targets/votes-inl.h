@@ -1,5 +1,5 @@
-// The inner loop of the votes for seeds. It has no include guard, because vote_dispatch.cpp
-// includes it once for each instruction set.
+// The loop that counts the votes for a seed, as vector code. It has no include guard, because
+// vote_dispatch.cpp includes it once for each instruction set.
 #include <hwy/highway.h>
 
 #include "targets/vote_kernel.h"

@@ -21,7 +21,8 @@ namespace {
 
 constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
 constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
-constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose and twist, each with its covariance
+// Number of columns: pose and twist, and for each of them 6 standard deviations and 15 covariances.
+constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);
 
 std::string header() {
   std::string text = "stamp,status,x,y,z,qx,qy,qz,qw";
@@ -37,8 +38,8 @@ std::string header() {
   return text + ",reason\n";
 }
 
-/// A row of the table. Unknown numbers are left empty. If there is no estimate, the frame was
-/// refused for the given reason.
+/// Makes a row of the table. Unknown numbers are left empty. If `known` is empty, the frame was
+/// refused, and `reason` says why.
 std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
                   const std::string& reason) {
   files::CsvRow row;
@@ -70,15 +71,16 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-// Minimum backward step at a restart, s; smaller steps are jitter or due to stamps in the future.
+// Seconds; if the stamps go back by less than this, it is jitter or a single wrong stamp, not a
+// clock that was set back.
 constexpr double kWentBack = 1.0;
 
-/// Whether the clock was set back before the message at `place`, so that all messages before it
-/// have later stamps than all messages after it. Neither a single wrong stamp nor a publisher with
-/// stamps in the future counts as a restart.
+/// Returns true if the clock was set back before the message at `place`: all messages before it
+/// have later stamps than all messages from it on. A single wrong stamp, or one publisher whose
+/// stamps are in the future, does not count as a restart.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
-  // Number of messages that are compared before and after the place.
+  // At most this many messages before `place` and after it are compared.
   constexpr std::size_t kAround = 100;
   constexpr std::size_t kLeast = 5;
   if (place < kLeast || place + kLeast > messages.size()) return false;
@@ -165,7 +167,7 @@ std::string ofAnotherType(const bag::Topic& topic, const std::string& expected) 
 
 }  // namespace
 
-/// Throws for a topic of a wrong type, since it would look like a topic without messages.
+/// Throws if a topic has the wrong type: otherwise it would look as if the topic had no messages.
 void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
   const auto check = [&](const std::string& name, const char* type, const auto& is_right) {
     for (const bag::Topic& topic : messages.topics()) {
@@ -247,8 +249,8 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   rows_ += rowOf(homography.header.stamp, estimate, reason);
 }
 
-/// Counts a reason. Reasons that differ only in numbers, such as a distance, count as one reason.
-/// Digits that are a part of a name are not ignored.
+/// Counts how often a reason occurs. Reasons that differ only in numbers, such as a distance, count
+/// as the same reason, but digits within a name distinguish them.
 void BagMotion::count(bool is_known, const std::string& reason) {
   if (reason.empty()) return;
   static const std::regex number(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");

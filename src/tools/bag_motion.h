@@ -17,7 +17,8 @@
 
 namespace ktgp_orb::tools {
 
-/// Options of the table with the motion in metres. If `path` is empty, no table is written.
+/// Options of the table with the camera's motion in metres. If `path` is empty, no table is
+/// written.
 struct MotionFile {
   std::string path;
   std::string range_topic;  ///< empty: "range" beside the images
@@ -27,33 +28,35 @@ struct MotionFile {
 
 void addMotionArguments(CLI::App& app, MotionFile& motion);
 
-/// Computes the motion of the frames of a bag as the nodelet does, from the calibration, ranges,
-/// Imus and transforms in the bag.
+/// Computes the camera's motion for the frames of a bag as the ground motion nodelet does, from the
+/// calibration, ranges, Imu messages and transforms in the bag.
 class BagMotion {
  public:
   /// If `options.path` is empty, this class does nothing. `camera`, if given, is used instead of
-  /// the bag's camera_info. Throws UnusableBag for a bag without a calibration.
+  /// the bag's camera_info. Throws UnusableBag if there is neither `camera` nor a camera_info.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
 
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.
   void close(files::Outputs& outputs);
-  /// Whether a table was wanted but no frame has a motion.
+  /// Returns true if a table was wanted, but no motion was found in any frame.
   bool foundNone() const { return !options_.path.empty() && known_ == 0; }
   /// Summary for users in a few lines; empty if no table was wanted.
   std::string report() const;
 
  private:
   /// Messages of one kind, sorted by their stamps, so that a message with a stamp in the future
-  /// does not delay others. If the clock was set back, a new part begins.
+  /// does not hold up the messages after it. When the clock is set back, a new part begins, which
+  /// is sorted separately.
   template <typename Message>
   class Readings {
    public:
     Readings() = default;
     Readings(const std::vector<Message>& arrived);  // NOLINT: the same in another order
-    /// Calls `use` with each message whose stamp is at most `time`, and removes these messages.
-    /// `restarted`: the stamps of the images have gone back, so the next part begins.
+    /// Calls `use` with each message of the current part whose stamp is at most `time`, and removes
+    /// these messages. `restarted`: the stamps of the images have just gone back, so continue with
+    /// the next part.
     template <typename Use>
     void passUntil(const ros::Time& time, bool restarted, const Use& use);
     bool goesOn() const { return parts_.size() > 1; }
@@ -64,7 +67,7 @@ class BagMotion {
 
   void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
-  /// Passes the messages with stamps up to max_age after `time` to readings_ and tf_.
+  /// Gives readings_ and tf_ all messages with stamps up to `time` plus max_age.
   void passOn(const ros::Time& time);
   void count(bool is_known, const std::string& reason);
 
@@ -79,11 +82,11 @@ class BagMotion {
   Readings<geometry_msgs::TransformStamped> transforms_;
   ros::Time last_;  // stamp of the newest image
   std::string rows_;
-  /// For each problem, the number of frames with it, and its first full text. The key is the text
-  /// without numbers.
+  /// For each problem, the number of frames that have it, and the first full text. The key is the
+  /// text without its numbers.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
-  std::string shutter_;             // shutter report of the newest frame with motion
-  std::optional<ImuMounting> imu_;  // last known mounting of the Imu
+  std::string shutter_;             // shutterReport() of the last frame with a motion
+  std::optional<ImuMounting> imu_;  // the newest estimate of the Imu's mounting
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };

@@ -46,8 +46,8 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     }
     found->set_value(frame);
     FrameConstPtr reference = fixed_;
-    // Tasks start in the order of the frames, so the task of the previous frame has started, and
-    // this wait cannot cause a deadlock.
+    // The threads start the tasks in the order of the frames. So the task of the previous frame is
+    // already running, and waiting for it cannot cause a deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference && canMatchAhead(options_.matcher)) {

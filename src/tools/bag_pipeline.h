@@ -13,25 +13,26 @@
 
 namespace ktgp_orb::tools {
 
-/// Processes several images in parallel: extracts the features and, if possible, matches them. In
-/// keyframe mode the match must wait, because the reference depends on the results of earlier
-/// images. Returns the images in their original order.
+/// Extracts the features of several images in parallel and, if possible, matches these images, too.
+/// In keyframe mode, an image cannot be matched here, because its reference depends on the results
+/// of earlier images. Returns the images in their original order.
 class FramePipeline {
  public:
-  /// A frame with features, and the result of its early match. MatchAhead::reference is null if an
-  /// early match was not possible.
+  /// A frame with features, and the result of its match in the pipeline. MatchAhead::reference is
+  /// null if the frame could not be matched there.
   using Prepared = std::pair<FramePtr, MatchAhead>;
 
-  /// `fixed`: the reference of the fixed mode, else null. Uses at least one thread. Throws
-  /// std::system_error or std::bad_alloc if threads or memory run out.
+  /// `fixed`: the reference of the fixed mode; null in other modes. Starts `threads` threads, but
+  /// at least one. Throws std::system_error or std::bad_alloc if threads or memory run out.
   FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
 
   void push(const sensor_msgs::ImageConstPtr& image);
-  /// Waits for the oldest image and returns it; throws RefusedImage if it is unusable.
+  /// Waits until the oldest image is processed and returns it. Throws RefusedImage if the image is
+  /// unusable.
   Prepared pop();
 
-  /// Whether enough images are in progress to keep all threads busy.
+  /// Returns true if enough images are in progress to keep all threads busy.
   bool full() const { return results_.size() >= 2 * threads_.size(); }
 
  private:

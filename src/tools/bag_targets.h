@@ -13,8 +13,8 @@
 
 namespace ktgp_orb::tools {
 
-/// Options of the search for targets in the images. If `path` is empty, no targets are searched
-/// for.
+/// Options of the search for flat targets in the images of a recording. If `path` is empty, no
+/// targets are searched for.
 struct TargetsInput {
   std::string path;  ///< folder of images, or YAML list
   /// Kind of the images: by_name, raw or rectified, see pixelsFrom().
@@ -24,16 +24,17 @@ struct TargetsInput {
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 
-/// All files of a folder or list of targets. Throws std::invalid_argument for an unusable folder or
-/// list.
+/// All image files of the targets: of a folder, or the files named in a list. Throws
+/// std::invalid_argument if the folder or list is unusable.
 std::vector<std::string> filesOfTargets(const std::string& path);
 
-/// The camera_info on the topic beside the images; empty if the recording has none.
+/// The camera_info from the topic in the same namespace as the images; empty if the recording has
+/// none.
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic);
 
-/// Finds flat targets in the images of a bag as the nodelet does, but searches every image for all
-/// targets.
+/// Finds flat targets in the images of a bag as the targets nodelet does, but it searches every
+/// image for all targets.
 class BagTargets {
  public:
   /// If `input.path` is empty, no targets are loaded and find() always returns null. Prints every
@@ -43,10 +44,10 @@ class BagTargets {
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);
 
-  /// The message of the nodelet's ~detections; null if no targets are searched, or if the image
-  /// repeats the previous image. Throws RefusedImage.
+  /// The message that the nodelet would publish on ~detections. Null if no targets are searched
+  /// for, or if the image repeats the previous image. Throws RefusedImage.
   TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
-  /// Summary for users in one line; empty if no targets are searched.
+  /// One-line summary for users; empty if no targets are searched for.
   std::string report() const;
 
  private:
@@ -62,7 +63,7 @@ class BagTargets {
   std::size_t seen_ = 0;  // number of frames in which a target was found
   std::size_t found_ = 0;
   std::size_t poses_ = 0;
-  std::string no_pose_;  // reason why the first target without a pose has no pose
+  std::string no_pose_;  // reason why a target had no pose, for the first such target
 };
 
 }  // namespace ktgp_orb::tools

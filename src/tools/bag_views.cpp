@@ -22,7 +22,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-// Number of frames whose homographies the path stores.
+// path_ keeps the homographies of this many frames (see FramePath).
 constexpr std::size_t kPath = 600;
 constexpr double kNoShake = 0.5;  // px; smaller shake is invisible
 
@@ -84,7 +84,8 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
 
 namespace {
 
-/// The image that the homographies refer to; if there is a lens for its size, without distortion.
+/// The image that the homographies refer to: if there is a lens for this image size, its distortion
+/// is removed.
 cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
   cv::Mat picture = colourImage(image);
   if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;
@@ -137,7 +138,8 @@ void SteadyVideo::writeReady() {
   ready_.clear();
 }
 
-/// The steady path over the whole recording. A new path begins when the size of the frames changes.
+/// Computes the steady path over the whole recording. When the size of the images changes, a new
+/// path begins.
 std::vector<SteadyFrame> SteadyVideo::wholePath() const {
   std::vector<SteadyFrame> path;
   for (auto begin = frames_.begin(); begin != frames_.end();) {
@@ -165,7 +167,7 @@ void SteadyVideo::writeWhole() {
     const auto recorded = images->next();
     if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
-    // Images that were skipped or refused are not in the path.
+    // If the stamps differ, this image was skipped or refused, so it is not in the path.
     if (stampOf(recorded->image->header.stamp) != path[next].stamp) continue;
     cv::Mat frame;
     try {
@@ -291,7 +293,7 @@ void BagViews::close() {
   }
 }
 
-/// Describes the panorama for the user; empty unless the last map is drawn on a cylinder.
+/// Describes the panorama for the user; empty if the last map is not drawn on a cylinder.
 std::string BagViews::panorama() const {
   const auto panorama = mosaic_.panorama();
   if (!panorama) return {};

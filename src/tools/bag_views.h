@@ -30,44 +30,45 @@ namespace ktgp_orb::tools {
 /// Options for the files with views; an empty name means that the file is not written.
 struct ViewOptions {
   std::string video;  ///< name of the mp4 file with the steady video
-  /// name of the csv file with the homographies from the frames to the steady picture
+  /// name of the csv file with the homographies from the frames to the steady images
   std::string warps;
-  /// True: use the path over the whole recording (see steadyPath). False: use the causal path,
-  /// which has a lag.
+  /// True: smooth the path with all frames of the recording (see steadyPath). False: smooth it as
+  /// the nodelet does, with only a few later frames (StabilizerOptions::lag).
   bool whole = true;
   StabilizerOptions stabilizer;
   double rate = 30.0;  ///< rate of the video, 1/s
-  /// name of the png file of the first map; mosaicOf() gives the names for further maps
+  /// name of the png file of the first map; mosaicOf() makes the names of further maps from it
   std::string mosaic;
   /// name of the csv file with the homographies from the map to the frames
   std::string mosaic_poses;
   MosaicOptions map;
-  LensConstPtr lens;  ///< lens whose distortion is removed first; null: no distortion is removed
+  LensConstPtr lens;  ///< distortion of this lens is removed first; null: no lens
 };
 
 /// Adds --stabilize, --mosaic and the options that belong to them.
 void addViewOptions(CLI::App& app, ViewOptions& views);
-/// Call this after parsing. Throws std::invalid_argument for options that this build lacks.
+/// Call this after parsing. Throws std::invalid_argument if an option needs a part that was left
+/// out of this build.
 void completeViewOptions(const CLI::App& app, ViewOptions& views);
 
-/// Function that opens the recording again, from its beginning.
+/// Opens the recording again, from its beginning.
 using Reopen = std::function<std::unique_ptr<ImageSource>()>;
 
 /// Writes the steady video of a recording. For the path over the whole recording, the images are
-/// read a second time, when all motions are known.
+/// read twice: the path can be computed only when all motions are known.
 class SteadyVideo {
  public:
   SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);
 
-  /// Adds the next image, with its `stamp` in ns, and the homography from the frame with the stamp
-  /// `reference` to this image; empty if there is no homography. Throws RefusedImage and FileError.
+  /// Adds the next image. `stamp`: its time in ns. `homography`: from the frame with the stamp
+  /// `reference` to this image; empty if none was found. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp, std::int64_t reference,
            const std::optional<Eigen::Matrix3d>& homography);
-  /// Repeats the previous image, so that the video keeps its rate.
+  /// Shows the previous image once more, so that the video keeps its rate.
   void repeat();
-  /// Completes the files. They are not written if there were no images. Throws FileError.
+  /// Completes the files. If there were no images, no files are written. Throws FileError.
   void close();
-  /// Summary for users in one line.
+  /// One-line summary for users.
   std::string report() const;
 
  private:
@@ -75,18 +76,19 @@ class SteadyVideo {
     std::int64_t stamp = 0;
     cv::Size size;
     std::optional<Eigen::Matrix3d> step;  ///< homography from the previous frame
-    int repeats = 0;                      ///< number of times that the image was repeated
+    int repeats = 0;                      ///< how often the image is shown again
   };
   struct Waiting {
     cv::Mat image;
     std::optional<Eigen::Matrix3d> step;
     int repeats = 0;
   };
-  /// Computes the mean shake over the parts of the video, px^2.
+  /// Computes the mean squared shake of the video, px². A part of the video is a sequence of frames
+  /// that are connected by homographies.
   struct Shake {
     double sum = 0.0;
     double count = 0.0;
-    /// homographies between successive frames of the newest part
+    /// homographies from each frame to the next in the newest part
     std::vector<Eigen::Matrix3d> steps;
     void finishPart(const cv::Size& size);
     double mean() const { return count > 0.0 ? sum / count : 0.0; }
@@ -102,10 +104,10 @@ class SteadyVideo {
   files::Outputs& outputs_;
   tools::VideoFile video_;
   FramePath path_;
-  std::vector<Frame> frames_;  ///< frames of the whole recording
+  std::vector<Frame> frames_;  ///< all frames of the recording
 
   Stabilizer stabilizer_;
-  /// Frames that wait until the stabilizer returns their homography; the key is the stamp.
+  /// Frames that wait until the stabilizer returns their homography. The key is the stamp, ns.
   std::map<std::int64_t, Waiting> waiting_;
   std::vector<SteadyFrame> ready_;
 
@@ -119,14 +121,16 @@ class SteadyVideo {
   std::string warps_;
 };
 
-/// Name of the picture of a map, counted from 1: "map.png", "map-2.png", ...
+/// Name of the file with map `number`, counted from 1: "map.png", "map-2.png", ...
 std::string mosaicOf(const std::string& path, std::size_t number);
 
-/// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
+/// Writes the steady video and the mosaic of a recording's images, with the same code as the
+/// nodelets.
 class BagViews {
  public:
-  /// `reopen` is used for the steady video. `outputs` must outlive this object. `camera`:
-  /// calibration of the images, for a panorama. `pixels`: kind of the images.
+  /// `reopen`: for the second reading of the steady video. `outputs` must outlive this object.
+  /// `camera`: calibration of the images, which a panorama needs. `pixels`: whether the images are
+  /// raw or rectified.
   BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
            std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels);
 
@@ -135,7 +139,7 @@ class BagViews {
   void repeat() {
     if (steady_) steady_->repeat();
   }
-  /// Completes the files; a file without images is not written. Throws FileError.
+  /// Completes the files. If there were no images for a file, it is not written. Throws FileError.
   void close();
   /// Summary for users in a few lines; empty if no views were wanted.
   std::string report() const;
@@ -151,11 +155,12 @@ class BagViews {
   std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  std::size_t repeated_ = 0;  // number of frames lost on repetitive ground
+  // Number of frames lost because the ground repeats itself.
+  std::size_t repeated_ = 0;
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;
-  std::size_t unfit_ = 0;  // number of frames lost because the map's surface cannot show them
-  std::string why_unfit_;  // reason why the last of these frames was lost
+  std::size_t unfit_ = 0;  // number of frames lost because they do not fit on the map's surface
+  std::string why_unfit_;  // reason for the last of these frames
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -17,10 +17,10 @@ namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kStages = 4;
-constexpr int kExact = 17;  // number of digits that is enough to reproduce every double
+constexpr int kExact = 17;  // this many digits reproduce every double exactly
 constexpr int kUnknowns = 6;
 
-/// Names of the columns of one motion.
+/// Names of the columns for one motion of the two-view geometry. `prefix`: beginning of each name.
 std::string motionColumns(const std::string& prefix) {
   const char* const axes[kUnknowns] = {"tx", "ty", "tz", "rx", "ry", "rz"};
   std::string text;
@@ -74,7 +74,7 @@ void addMotion(const geometry_msgs::PoseWithCovariance& motion, files::CsvRow& r
   }
 }
 
-/// Adds the fields of the two-view geometry. Unknown values stay empty.
+/// Adds the values of the two-view geometry to the row. Unknown values stay empty.
 void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
   static const std::size_t motion = countOf(motionColumns(""));
   if (view == nullptr) {
@@ -120,7 +120,8 @@ MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const s
 }
 
 MatchWriter::~MatchWriter() {
-  // Close the bag here: its destructor throws if the disk is full, which would end the program.
+  // Close the bag here, where we can catch the exception: if the disk is full, close() throws, and
+  // in the destructor of the bag this would end the program.
   try {
     if (bag_) bag_->close();
   } catch (const std::exception&) {
@@ -144,7 +145,7 @@ void MatchWriter::close() {
 
 template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
-  message.header.seq = sequence_[topic]++;  // numbers the messages as a publisher does
+  message.header.seq = sequence_[topic]++;  // number the messages of a topic, as a publisher does
   try {
     bag_->write(topic, time, message);
   } catch (const rosbag::BagException& error) {
@@ -169,7 +170,7 @@ void MatchWriter::write(const std::string& topic, const TargetDetectionsPtr& det
 }
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
-  constexpr int kTime = 5;  // number of digits of a time in ms
+  constexpr int kTime = 5;  // significant digits of a time in ms
   const MatchStatistics& s = *messages.statistics;
   files::CsvRow row;
   row.add(textOf(s.header.stamp)).add(textOf(s.reference_stamp));

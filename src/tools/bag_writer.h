@@ -13,15 +13,15 @@
 
 namespace ktgp_orb::tools {
 
-/// The text of a stamp in a table: "sec.nsec".
+/// A stamp as text for a table: "sec.nsec".
 std::string textOf(const ros::Time& time);
 
-/// Writes the results to a bag, on the topics of the nodelet, and to a table.
+/// Writes the results to a bag, on the topics of the nodelet, and to a table (csv).
 class MatchWriter {
  public:
   /// `prefix`: prefix of the topics, for example "/camera/matcher". `csv`: path of the table; "-":
   /// standard output; empty: no table. `outputs` must outlive this object. All functions throw
-  /// std::runtime_error with the name of a file that cannot be written.
+  /// std::runtime_error if a file cannot be written; the text names the file.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
               files::Outputs& outputs);
   ~MatchWriter();
@@ -29,10 +29,11 @@ class MatchWriter {
   MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
-  /// Writes nothing for null. `topic`: the full name of the topic.
+  /// `topic`: full name of the topic. `detections`: if null, nothing is written.
   void write(const std::string& topic, const TargetDetectionsPtr& detections,
              const ros::Time& time);
-  /// Writes a line for an unmatched image, only to the table. `status`: refused or repeated.
+  /// Writes a line to the table, but nothing to the bag, for an image that was not matched.
+  /// `status`: "refused" or "repeated".
   void writeUnused(const std_msgs::Header& header, const std::string& status,
                    const std::string& reason);
 
@@ -51,7 +52,7 @@ class MatchWriter {
   std::ofstream csv_text_;
   std::ostream* csv_ = nullptr;                    // stream of the table; null: no table
   std::string prefix_;                             // prefix of the topics, which ends with a slash
-  std::map<std::string, std::uint32_t> sequence_;  // for each topic, the next header.seq
+  std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
 };
 
 }  // namespace ktgp_orb::tools

@@ -52,8 +52,8 @@ struct Arguments {
   std::string csv;
   bool overlay = false;
   std::string draw;
-  double rate = 0.0;     ///< frame rate, 1/s; 0: use the times of the recording
-  int longest_side = 0;  ///< limit of the longer side for images of a pattern, px; 0: none
+  double rate = 0.0;     ///< images per second; 0: use the times of the recording
+  int longest_side = 0;  ///< longer side to which images of a pattern are shrunk, px; 0: never
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
@@ -91,23 +91,23 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   if (!camera) return std::nullopt;
   sensor_msgs::CameraInfo info;
   const auto first = openInput(arguments)->next();
-  if (!first || !first->image) return std::nullopt;  // run() will report the problem
+  if (!first || !first->image) return std::nullopt;  // run() will report it
   info.width = first->image->width;
   info.height = first->image->height;
   info.distortion_model = "plumb_bob";
   for (int i = 0; i < 9; ++i) info.K[static_cast<std::size_t>(i)] = (*camera)(i / 3, i % 3);
-  // throws if K is impossible
+  // Throws if K is impossible.
   lensFrom(info);
   return info;
 }
 
-/// Namespace of the output topics. It is `name` or, if `name` is empty, `nodelet` beside the image
-/// topic, as for the nodelet.
+/// Namespace of the output topics: `name` or, if `name` is empty, `nodelet` in the namespace of the
+/// camera. These are the topics that the nodelet would use.
 std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
-/// Rate of the written videos, 1/s.
+/// Images per second in the written videos.
 double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
   const bool video = kindOf(arguments.in) == InputKind::video;
@@ -120,8 +120,8 @@ void sayNoMotion(const std::string& problem) {
                problem.c_str());
 }
 
-/// Processes the recording. `pipeline_` extracts features in parallel (and matches early if it
-/// can); this class does the rest frame by frame, in order.
+/// Processes the recording. `pipeline_` extracts the features of several images in parallel, and
+/// matches them there if it can. This class does everything else, frame by frame, in their order.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -176,7 +176,7 @@ class Run {
     views_.close();
     motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
-    // Call this last, since OUT.bag may appear only when all files are complete.
+    // Do this last: users take OUT.bag as the sign that all files are complete.
     writer_.close();
     outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
@@ -184,7 +184,7 @@ class Run {
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  /// Reports the results and the unusable images. `code`: the result of run().
+  /// Prints how many images were matched, and which were unusable. `code`: the result of run().
   void report(const Arguments& arguments, int code) const {
     std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "")
               << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "
@@ -205,7 +205,7 @@ class Run {
   }
 
  private:
-  /// Text on the results, such as "19 motions (19 epipolar), median parallax 0.9 degrees".
+  /// Says what was found, for example "19 motions (19 epipolar), median parallax 0.9 degrees".
   std::string successes(std::size_t found) const {
     if (!finds_motions_) return util::counted(found, "homography", "homographies");
     std::string kinds;
@@ -224,10 +224,10 @@ class Run {
     return text;
   }
 
-  /// Summary for users in one line.
+  /// Summary of the matching for users, in a few lines.
   std::string summary() const {
     std::size_t found = 0;
-    // Images without a match although they have a reference and features.
+    // Images that could not be matched although they had a reference and enough features.
     std::size_t unmatched = 0;
     std::string others;
     for (const auto& [status, count] : statuses_) {
@@ -253,7 +253,8 @@ class Run {
            others + '\n';
   }
 
-  /// Advice for a recording with long times between images; empty for other recordings.
+  /// Advice on max_reference_age if the images are so far apart that they have no reference; empty
+  /// for other recordings.
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
@@ -264,7 +265,7 @@ class Run {
                step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
-  /// Explains, only once, why the images do not fit the camera_info.
+  /// Tells the user why the camera_info does not fit the images; only at the first such image.
   void explainNoMotion(const cv::Size& image) {
     if (!view_.camera || std::exchange(said_no_motion_, true)) return;
     try {
@@ -289,7 +290,8 @@ class Run {
     progress_.advance("images");
   }
 
-  /// Repeats the last picture in the videos, so that they keep the rate of the images.
+  /// For an image that repeats the previous image: shows the last pictures in the videos once more,
+  /// so that the videos keep the rate of the images.
   void finishRepeated(const std_msgs::Header& header) {
     ++repeated_;
     writer_.writeUnused(header, "repeated", "the image before once more");
@@ -354,11 +356,11 @@ class Run {
   BagTargets targets_;
   std::string detections_topic_;
   std::optional<tools::VideoFile> drawing_;
-  cv::Mat drawn_;  // picture that was drawn last
+  cv::Mat drawn_;  // last picture of the overlay video
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   CameraView view_;
-  bool finds_motions_;  // whether two-view geometries are wanted
+  bool finds_motions_;  // whether the matcher estimates two-view geometries
   bool said_no_motion_ = false;
   bool is_fixed_;
   bool draws_overlay_;
@@ -368,15 +370,15 @@ class Run {
   std::map<Status, std::size_t> statuses_;
   std::map<Geometry, std::size_t> geometries_;
   std::map<Doubt, std::size_t> doubts_;
-  std::vector<double> inliers_;       // number of inliers of each match with a geometry
-  std::vector<double> parallaxes_;    // parallax of each motion, degrees
+  std::vector<double> inliers_;       // inliers of each image whose match has a geometry
+  std::vector<double> parallaxes_;    // parallax of each camera motion, degrees
   std::vector<double> milliseconds_;  // processing time of each image, ms
   std::vector<double> steps_;         // time from each image to the next, s
   ros::Time last_stamp_;
   std::size_t gaps_ = 0;  // number of images that came more than max_age_ after the previous image
   double max_age_;
   std::uint64_t skipped_ = 0;
-  // Images in the pipeline, each with the number of images that were skipped before it.
+  // Images that are in the pipeline. The number counts the images that were skipped just before.
   std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;
   std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;
@@ -384,8 +386,8 @@ class Run {
   std::string refusal_;  // reason why the first unusable image was refused
 };
 
-/// Sets the camera for the two-view geometry. Without a usable camera_info, tells the user that
-/// only the geometry is estimated, and no motion of the camera.
+/// Sets the camera for the two-view geometry. If there is no usable camera_info, tells the user
+/// that only the geometry is estimated, but not the motion of the camera.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
                const std::optional<sensor_msgs::CameraInfo>& camera, Configuration& configuration) {
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return;
@@ -394,7 +396,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
     try {
       const sensor_msgs::CameraInfo info =
           camera ? *camera : readCameraInfo(bag, topic, "geometry " + parameters.geometry);
-      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // throws if K is unusable
+      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // throws for a bad K
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {
@@ -408,7 +410,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
 Configuration configurationFor(Parameters parameters, const std::string& bag,
                                const std::string& topic,
                                const std::optional<sensor_msgs::CameraInfo>& camera) {
-  // One thread for each image, since several images are processed in parallel.
+  // Several images are processed in parallel, so each of them must use only one thread.
   parameters.threads = 1;
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
@@ -433,7 +435,8 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   return configuration;
 }
 
-/// Warns if the camera_info changes: the node follows the change, but we use the first one here.
+/// Warns if the camera_info of the recording changes: the node would use the new one, but this
+/// program uses the first one for all images.
 void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
   const bool is_used = arguments.parameters.rectify || !arguments.motion.path.empty() ||
                        !arguments.targets.path.empty() ||
@@ -444,13 +447,13 @@ void sayIfCameraChanges(const Arguments& arguments, const std::string& topic) {
     const std::string change = changeOfCameraInfo(arguments.in, topic, used);
     if (!change.empty()) std::cerr << "ktgp_bag: " << change << '\n';
   } catch (const UnusableBag&) {
-    // No warning here: the part that needs the camera_info reports that it is missing.
+    // The recording has no camera_info. The part of the program that needs it reports this.
   }
 }
 
 void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
-  // A file of parameters can name these files, too.
+  // These files may also be named in a parameter file or in a list of targets, so add them here.
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
@@ -460,7 +463,7 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.writeVideo(arguments.views.video);
   plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
-  // The number of maps is not known beforehand, so check the name of the second map only.
+  // We do not know yet how many maps there will be, so check only the name of the second one.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
   plan.write(arguments.motion.path);
@@ -473,7 +476,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
     throw std::invalid_argument(arguments.in +
                                 ": --motion needs camera_info, which only a bag has");
   }
-  cv::setNumThreads(1);  // the images are distributed over the cores
+  cv::setNumThreads(1);  // our own threads already use all cores
   auto source = openInput(arguments);
   if (!arguments.views.video.empty()) arguments.views.rate = pictureRate(arguments);
   const auto camera = givenCamera(arguments);
@@ -482,7 +485,8 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   arguments.views.lens = configuration.view.lens;
   if (!camera) sayIfCameraChanges(arguments, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
-    // The usual time between neighbouring images must not count as a gap, even if it is long.
+    // At a low rate, the usual time between two images may be longer than max_age. Increase
+    // max_age, so that neighbouring images are matched nevertheless.
     constexpr double kPeriods = 1.5;
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
@@ -496,8 +500,8 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   return code;
 }
 
-/// Checks a namespace of topics. We do not use ros::names::validate(), because it also accepts
-/// names that nobody can subscribe to.
+/// Checks the name of a namespace of topics. ros::names::validate() also accepts names that nobody
+/// can subscribe to, so we do not use it.
 CLI::Validator nameOfTopics() {
   const auto check = [](const std::string& text) -> std::string {
     static const std::regex name("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*");
@@ -557,7 +561,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   tools::addParameterOptions(app, arguments.parameters);
 }
 
-/// Throws std::invalid_argument for options that would be accepted without effect.
+/// Throws std::invalid_argument if an option would have no effect with the given values of the
+/// other options.
 void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const Parameters& parameters = arguments.parameters;
   const GroundMotionConfig& motion = arguments.motion.config;
@@ -607,10 +612,10 @@ int run(int argc, char** argv) {
   completeViewOptions(app, arguments.views);
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  std::error_code none;  // ignored, because a name that cannot be used is refused later
+  std::error_code none;  // ignored: a bad name is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
-    // A single write, since other processes may write to the same terminal.
+    // Write the line in one piece, because other processes may write to the same terminal.
     std::cerr << arguments.out + " is finished\n";
     return tools::kExitDone;
   }

@@ -46,8 +46,8 @@ struct Arguments {
   TargetFinderOptions options;
 };
 
-/// The poses of the target in the camera's frame, in metres or, if the width of the target is
-/// unknown, in widths of the target.
+/// The possible poses of the target in the camera's frame. The unit is the metre or, if the width
+/// of the target is unknown, this width.
 PlanarPoses posesOf(const DetectedTarget& target, const Eigen::Matrix3d& camera) {
   return planarPoses(target.homography.homography, target.homography.covariance, camera,
                      target.image_size, target.width > 0.0 ? target.width : 1.0);
@@ -83,7 +83,7 @@ json toJson(const DetectedTarget& detection, const std::optional<Eigen::Matrix3d
            {"frame", detection.frame},
            {"ambiguity", detection.ambiguity}};
   out.update(tools::toJson(detection.homography));
-  out.erase("covariance");  // leave it out, since the corners have their own covariance
+  out.erase("covariance");  // not printed: each corner has its own covariance
   if (!camera || detection.status != Status::ok) return out;
   out["poses"] = json::array();
   for (const PlanarPose& pose : posesOf(detection, *camera).poses) {

@@ -95,8 +95,8 @@ Outcome run(Arguments& arguments) {
   return outcome;
 }
 
-/// The matches as a table with a row for each nearest neighbour. `level` is the last stage that the
-/// match passed.
+/// The matches as a csv table with one row for each nearest neighbour. The column `level` is the
+/// last stage that the match passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.errors[0];

@@ -16,8 +16,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Whether the parameter influences the results of a recording; false for parameters of the node's
-/// services, subscribers and diagnostics.
+/// Returns true if the parameter influences the results of a recording. Parameters for the node's
+/// services, subscribers and diagnostics do not.
 bool decidesARecording(const ParameterRow& row) {
   return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
@@ -41,7 +41,8 @@ std::vector<double> valueOf(const Covariance8& matrix) {
 }
 
 /// Throws if a parameter for the images of a stream, such as camera_info or the region of interest,
-/// differs from its default. Accepts other parameters of the stream: they do not influence a match.
+/// differs from its default. Other parameters of a stream are accepted, because they do not
+/// influence a match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {
@@ -58,7 +59,7 @@ bool isFlag(const ParameterRow& row) {
   return std::holds_alternative<bool Parameters::*>(row.field);
 }
 
-/// The placeholder that --help shows in place of "TEXT".
+/// The word that --help shows after the option for the type of its value, such as "TEXT".
 std::string typeName(const ParameterRow& row) {
   if (!row.choices.empty()) return util::joined(row.choices, "|");
   if (std::holds_alternative<std::string Parameters::*>(row.field)) return "TEXT";
@@ -70,8 +71,8 @@ std::string textOf(const ParameterInfo& info) {
   return info.unit.empty() ? info.text : info.text + " [" + info.unit + "]";
 }
 
-/// Values from the command line. The key is the name of a parameter, or "preset" or "params" for
-/// these two options.
+/// The values that the user gave on the command line. The key is the name of a parameter, or
+/// "preset" or "params" for these two options.
 using Given = std::map<std::string, std::string>;
 
 void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,
@@ -96,7 +97,8 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
   added->default_str(valueText(row, defaults))->group("Parameters: " + row.group);
 }
 
-/// Adds an option for each wanted parameter. `done` is called with the values after parsing.
+/// Adds an option for each parameter that `wanted` accepts. After parsing, calls `done` with the
+/// values of the parameters.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
                 const std::string& preset, const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
@@ -135,8 +137,8 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// Rewrites arguments that CLI11 would not understand: the value of a flag after a blank, as in
-/// "--gms_rotation true", and an empty value, as in "--motion_base_frame=".
+/// Joins arguments that CLI11 would not understand: a flag with its value after a blank, as in
+/// "--gms_rotation true", and an option with an empty value, as in "--motion_base_frame=".
 std::vector<std::string> completed(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
@@ -249,7 +251,7 @@ CLI::Option* describe(CLI::Option* option, const std::string& nodelet) {
   return option->description(textOf(info));
 }
 
-/// Hides the many parameters of the stages and of the stream, which few users need.
+/// Hides the many options for the stages and the stream from --help, because few users need them.
 void hideRareOptions(CLI::App& app) {
   std::size_t hidden = 0;
   for (CLI::Option* const option : app.get_options([](const CLI::Option* each) {
@@ -284,7 +286,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 files::OutputPlan planOutputs(const CLI::App& app, bool force) {
   files::OutputPlan::Given given;
   for (const CLI::Option* const option : app.get_options()) {
-    // get_name() is empty for options that --help does not show.
+    // Take the name from get_lnames(): get_name() is empty for options that --help does not show.
     const std::vector<std::string>& names = option->get_lnames();
     const std::string name = names.empty() ? option->get_name() : "--" + names.front();
     for (const std::string& value : option->results()) given.push_back({name, value});

@@ -15,19 +15,20 @@ using ktgp_orb::PipelineOptions;
 
 /// Adds --preset, --params and an option for each parameter of the nodelet that influences the
 /// results of a recording. The parameter table gives the name, text, range and default of the
-/// option. `parameters` holds the defaults before parsing and the values after it. The command line
-/// overrides the file, and the file overrides the preset. An unusable value ends parsing with a
-/// message that says what is expected.
+/// option. Before parsing, `parameters` must hold the default values; after parsing, it holds the
+/// values of the user. Options override the file of --params, and the file overrides the preset. An
+/// unusable value ends parsing with a message that says what is expected.
 void addParameterOptions(CLI::App& app, Parameters& parameters);
 
-/// Adds options for the parameters that determine the result for a pair of images. `preset` is used
-/// if the command line has neither --preset nor --params; empty: no preset.
+/// Adds options for the parameters that determine the result for a pair of images. `preset`: name
+/// of the preset that is used if the command line has neither --preset nor --params; empty: no
+/// preset.
 void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
 
 /// JSON object with the names and values of the parameters that addPipelineOptions() adds.
 nlohmann::json toJson(const PipelineOptions& options);
 
-/// The matrix as three rows.
+/// The matrix as a JSON array of three rows.
 nlohmann::json toJson(const Eigen::Matrix3d& matrix);
 /// All numbers of the matrix, row by row.
 template <int Size, int Options>
@@ -44,24 +45,27 @@ std::string textOf(const nlohmann::json& json, int indentation);
 /// Adds the options --version and --force; --force sets `force`.
 void addCommonOptions(CLI::App& app, bool& force);
 
-/// Adds an option fx,fy,cx,cy: the camera matrix K of an image without distortion, px.
+/// Adds an option with four values fx,fy,cx,cy, px: the camera matrix K of an image without
+/// distortion.
 CLI::Option* addCameraOption(CLI::App& app, const std::string& name, std::vector<double>& camera,
                              const std::string& text);
-/// K from the values of an option fx,fy,cx,cy; empty if the option was not given.
+/// The matrix K from the four values of addCameraOption(); empty if the option was not given.
 std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 
-/// Refuses a value that is not a number or lies outside the range. Also refuses NaN.
+/// Refuses a value that is not a number, is NaN, or lies outside the range.
 CLI::Validator numberIn(const Limits& range);
 
-/// Gives the option "--X_name" the text, unit, range and choices of the nodelet's parameter "name".
-/// Throws std::invalid_argument like parameterOf.
+/// Describes an option with the text, unit, range and choices of a parameter of `nodelet`. The
+/// option "--X_name" belongs to the parameter "name". Throws std::invalid_argument like
+/// parameterOf.
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
 /// Parses the command line. Returns nothing if the program should continue, otherwise the exit
 /// code: 0 after --help or --version, 2 if the command line is unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-/// Makes the plan from all values of the command line. Call this after parse().
+/// Makes the plan of input and output files from all values of the command line. Call this after
+/// parse().
 files::OutputPlan planOutputs(const CLI::App& app, bool force);
 
 }  // namespace ktgp_orb::tools

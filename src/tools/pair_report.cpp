@@ -18,11 +18,11 @@ namespace {
 
 using nlohmann::json;
 
-/// Standard deviation of a corner, px, above which we warn. This is the largest error at which a
-/// match still counts as correct.
+/// px; we warn if the standard deviation of a corner is larger. A match counts as correct up to
+/// this error.
 constexpr double kUncertainCorner = 3.0;
 
-/// Why a stage has no numbers; empty if the stage ran.
+/// Says why a stage has no numbers; empty if the stage ran.
 const char* whyNotRun(const StageResult& stage, const MatcherOptions& options) {
   if (stage.id == StageId::gms && !options.gms.enabled) return "off";
   return stage.id >= StageId::prosac && stage.milliseconds == 0.0 ? "not needed" : "";
@@ -93,7 +93,8 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
   }
 }
 
-/// The corners of the part of A that B shows, px of A. If this part is not known, the corners of A.
+/// The corners of the part of A that is visible in B, px of A. If this part is unknown, the corners
+/// of A.
 std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   const Eigen::Matrix3d& h = outcome.pair.match.answer.homography;
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
@@ -121,7 +122,7 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   return common;
 }
 
-/// The standard deviation of the place of a corner in B, px.
+/// The standard deviation of `corner` after the mapping to B, px of B.
 double cornerDeviation(const Outcome& outcome, const Eigen::Vector2d& corner) {
   const UncertainHomography& answer = outcome.pair.match.answer;
   return homography::cornerDeviation(answer.homography, answer.covariance,
@@ -129,7 +130,7 @@ double cornerDeviation(const Outcome& outcome, const Eigen::Vector2d& corner) {
       .target;
 }
 
-/// The largest standard deviation of a corner of the common part, px of B.
+/// The largest standard deviation of one of the `corners` after the mapping to B, px of B.
 double cornerDeviation(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   double largest = 0.0;
   for (const Eigen::Vector2d& corner : corners) {
@@ -146,7 +147,8 @@ double areaOf(const std::vector<cv::Point2f>& points) {
   return cv::contourArea(hull);
 }
 
-/// Why the homography is uncertain, judged by the inliers.
+/// Says why the homography is uncertain: few inliers, inliers in only a part of the image, a scene
+/// that is not flat, or inliers with large errors.
 std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   constexpr std::size_t kFew = 50;
   constexpr double kPart = 0.5;
@@ -179,7 +181,7 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   return util::joined(causes, ", ");
 }
 
-/// Reason and advice for the case that nothing was found.
+/// Says why nothing was found, and what the user can try.
 std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.pair.match.status == Status::too_few_features) {
@@ -215,7 +217,7 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
                 pose.rotation(row, 2), pose.translation[row]);
   }
   if (!covariance.allFinite()) return;
-  // Converts rad to degrees; the deviations below combine all axes.
+  // Converts rad to degrees. The traces below sum the variances of all axes.
   const double degrees = 180.0 / CV_PI;
   const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   std::printf("standard deviation: rotation %.3f degrees, direction %s\n",
@@ -360,8 +362,8 @@ void print(const Outcome& outcome, const PipelineOptions& options) {
   printHomography(outcome, options);
 }
 
-/// JSON of a stage that chooses matches: the distances of the matches and, if the truth is known,
-/// their errors.
+/// JSON of a stage that selects matches: the descriptor distances of the remaining matches and, if
+/// the true homography is known, their errors.
 json matchingStage(const Outcome& outcome, std::size_t i) {
   json stage = toJson(outcome.pair.match.stages[i]);
   stage["descriptor_distance"] = toJson(outcome.distances[i]);

@@ -12,20 +12,20 @@
 
 namespace ktgp_orb::tools {
 
-/// The results of ktgp_match for its two images.
+/// The results of ktgp_match for two images.
 struct Outcome {
   std::string reference_file;
   std::string target_file;
   PairMatch pair;
   MatchHints hints;
-  // Statistics of the matches that remain after each of the four stages:
-  std::array<metrics::ErrorSummary, 4> distances;  ///< distances of the descriptors
-  /// Errors with respect to the truth, px; empty if it is not known.
+  // Statistics of the matches that remain after each of the four stages.
+  std::array<metrics::ErrorSummary, 4> distances;  ///< descriptor distances
+  /// Errors of the matches with respect to `truth`, px; empty if the true homography is unknown.
   std::array<std::vector<double>, 4> errors;
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// The points of the scene from the final matches; empty if no motion was found.
+/// The scene points, triangulated from the final matches; empty if no motion was found.
 std::vector<ScenePoint> pointsOf(const Outcome& outcome);
 
 void print(const Outcome& outcome, const PipelineOptions& options);

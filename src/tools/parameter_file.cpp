@@ -10,8 +10,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Throws std::invalid_argument for a name that occurs twice, since parsers of YAML differ in which
-/// of the two values they take.
+/// Throws std::invalid_argument if a name occurs twice, because YAML parsers do not agree on which
+/// of the two values counts.
 void requireEachOnce(const YAML::Node& map) {
   std::set<std::string> names;
   for (const auto& entry : map) {
@@ -29,9 +29,9 @@ YAML::Node onlyDocument(const std::string& text) {
   return documents.empty() ? YAML::Node() : documents.front();
 }
 
-/// Finds the map with the parameters, which may be nested in other maps.
+/// Finds the map that contains the parameters. It may be nested in other maps.
 YAML::Node parametersIn(YAML::Node node) {
-  constexpr int kDeepest = 16;  // limit of the nesting, since a map may contain itself
+  constexpr int kDeepest = 16;  // limit of the nesting: a map may contain itself
   for (int depth = 0; node.IsMap(); ++depth) {
     if (depth > kDeepest) {
       throw std::invalid_argument(
@@ -40,7 +40,7 @@ YAML::Node parametersIn(YAML::Node node) {
     requireEachOnce(node);
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
-      // The parameters are within a namespace.
+      // The only entry is a namespace that contains the parameters.
     } else if (node.size() == 1 && node.begin()->second.IsMap()) {
       node.reset(YAML::Node(node.begin()->second));
     } else {
@@ -51,13 +51,13 @@ YAML::Node parametersIn(YAML::Node node) {
 }
 
 void readYaml(const std::string& text, Parameters& parameters) {
-  // Parameters that the node reads once at start and that do not affect results.
+  // The node reads these parameters itself at its start. They do not affect results, so skip them.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(onlyDocument(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
-    // Skip maps, which are groups of dynamic_reconfigure or parameters of plugins.
+    // A map is a group of dynamic_reconfigure or holds the parameters of a plugin: skip it, too.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
@@ -84,7 +84,7 @@ void readNamed(const std::string& name, const std::string& text, Parameters& par
 }  // namespace
 
 void readParameterFile(const std::string& file, Parameters& parameters) {
-  constexpr std::size_t kMost = 1 << 20;  // largest size, bytes; a device file may be endless
+  constexpr std::size_t kMost = 1 << 20;  // size limit, bytes: a device file may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
   in.read(text.data(), static_cast<std::streamsize>(text.size()));

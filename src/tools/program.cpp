@@ -22,7 +22,7 @@ int fail(const char* name, const char* message) {
 void handleSignals(void (*handler)(int)) {
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
-  // If nohup has made the process ignore SIGHUP, keep ignoring it.
+  // If SIGHUP was ignored before, nohup started this program: keep ignoring the signal.
   if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
 }
 
@@ -42,9 +42,11 @@ int runAndReport(const char* name, const std::function<int()>& program) {
 }  // namespace
 
 int runProgram(const char* name, const std::function<int()>& program) {
-  // If the reader of our output ends early ("| head"), we still complete the other outputs.
+  // If the program that reads our output ends early ("| head"), do not end: complete the other
+  // files.
   std::signal(SIGPIPE, SIG_IGN);
-  // Beyond the shell's file size limit (ulimit -f), writing then fails with a reason to report.
+  // If a file exceeds the shell's size limit (ulimit -f), writing then fails with an error that we
+  // can report, instead of ending the program.
   std::signal(SIGXFSZ, SIG_IGN);
   const int code = runAndReport(name, program);
   std::cout.flush();

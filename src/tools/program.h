@@ -22,29 +22,28 @@ constexpr const char* kExitCodes =
 /// prints a message that begins with `name` and returns kExitUnusable.
 int runProgram(const char* name, const std::function<int()>& program);
 
-/// After this call, Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(). For programs
-/// that complete their files before they end.
+/// After this call, Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) do not end the program,
+/// but make interrupted() return true. For programs that complete their files before they end.
 void stopWhenInterrupted();
 bool interrupted();
 
-/// After this call, the signals end the program at once with kExitInterrupted. For programs that
-/// write their files at the end.
+/// After this call, these signals end the program at once with kExitInterrupted. For programs that
+/// write their files only at the end.
 void exitWhenInterrupted();
 
-/// A progress bar or a status line on stderr; shown only if stderr is a terminal. Can be used from
-/// several threads.
+/// A progress bar or a status line on stderr; shown only if stderr is a terminal. Thread-safe.
 class ProgressBar {
  public:
-  /// If `total` is 0, it is not known, and only the count is shown.
+  /// `total`: number of items. If it is 0, the number is unknown, and only the count is shown.
   explicit ProgressBar(std::size_t total);
   /// Removes the bar from the terminal.
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  /// Counts one more item, and shows `what` beside the bar.
+  /// Counts one more item and shows the text `what` beside the bar.
   void advance(const std::string& what);
-  /// Shows `what` without a bar.
+  /// Shows the text `what` without a bar.
   void say(const std::string& what);
 
  private:

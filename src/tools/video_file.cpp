@@ -9,8 +9,8 @@ namespace ktgp_orb::tools {
 VideoFile::VideoFile(const std::string& path, double rate, files::Outputs& outputs)
     : path_(path), rate_(rate), outputs_(outputs), file_(outputs.add(path)) {}
 
-// Uses H.264 if this OpenCV has an encoder for it, since browsers do not show MPEG-4. H.264 needs
-// even width and height.
+// Uses H.264 if this OpenCV has an encoder for it, because browsers do not play MPEG-4. H.264 needs
+// an even width and height.
 void VideoFile::open(const cv::Size& size) {
   size_ = cv::Size(size.width / 2 * 2, size.height / 2 * 2);
   for (const char* codec : {"avc1", "mp4v"}) {
@@ -38,7 +38,8 @@ void VideoFile::write(const cv::Mat& frame) {
 void VideoFile::close() {
   if (empty()) throw files::FileError(path_, "is not written: there was no frame");
   writer_.release();
-  // The writer does not report a full disk, so count the frames in the file.
+  // cv::VideoWriter does not report that the disk is full, so compare the number of frames in the
+  // file.
   const cv::VideoCapture written(file_.unfinished());
   if (!written.isOpened() || written.get(cv::CAP_PROP_FRAME_COUNT) < frames_) {
     files::throwUnwritable(file_, "the video lacks frames; expected more space on the disk");

@@ -6,12 +6,12 @@
 
 namespace ktgp_orb::util {
 
-/// Sorts the numbers 0 .. n - 1 by bucket (a counting sort); numbers in one bucket stay ascending.
-/// Keeps its buffers.
+/// Sorts the numbers 0 .. n - 1 into buckets (a counting sort). Within a bucket, the numbers stay
+/// ascending. The memory is used again by the next sort.
 class Buckets {
  public:
-  /// Sorts the numbers 0 .. count - 1. `bucket_of(i)`: index of the bucket of number i, below
-  /// `buckets`.
+  /// Sorts the numbers 0 .. count - 1. `bucket_of(i)`: returns the bucket of number i, in [0,
+  /// buckets).
   template <typename BucketOf>
   void sort(std::size_t count, std::size_t buckets, const BucketOf& bucket_of) {
     bucket_.resize(count);
@@ -22,7 +22,8 @@ class Buckets {
     }
     std::uint32_t sum = 0;
     for (std::uint32_t& start : start_) start = sum += start;
-    // Filling from the back moves start_ from the end of each bucket to its beginning.
+    // Now start_ holds the end of each bucket. The buckets are filled from their ends, so that
+    // start_ holds their beginnings afterwards.
     order_.resize(count);
     for (std::size_t i = count; i-- > 0;) {
       order_[--start_[bucket_[i]]] = static_cast<std::int32_t>(i);
@@ -31,8 +32,8 @@ class Buckets {
 
   /// The sorted numbers, bucket by bucket.
   const std::vector<std::int32_t>& order() const { return order_; }
-  /// Index in order() at which a bucket begins or ends. begin() also accepts the number of buckets,
-  /// and then returns the end of the last bucket.
+  /// Positions in order() where a bucket begins and ends. begin(number of buckets) is allowed, too:
+  /// it is the end of the last bucket.
   std::uint32_t begin(std::size_t bucket) const { return start_[bucket]; }
   std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
 

@@ -11,15 +11,15 @@
 
 namespace ktgp_orb::util {
 
-/// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera: it must be finite,
-/// with 0, 0, 1 as the last row, and the focal lengths must be 0.15 to 50 times the longer side of
-/// the image, which means a field of view of 147 to about 1 degree. `image`: size of the image, px,
-/// or empty.
+/// Throws std::invalid_argument unless `k`, 3x3, can be the matrix of a camera. It must be finite
+/// and upper triangular with 1 as the last entry, and the focal lengths must be 0.15 to 50 times
+/// the longer side of the image, which means a field of view of 147 to about 1 degree. `image`:
+/// size of the image, px; if it is empty, nearly any focal length is accepted.
 template <typename Matrix>
 void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
-  // With a shorter focal length, a lens cannot show straight lines as straight.
+  // A lens with a shorter focal length cannot show straight lines as straight.
   constexpr double kLeast = 0.15;
-  constexpr double kMost = 50.0;  // longer than the focal length of any camera's telephoto lens
+  constexpr double kMost = 50.0;  // more than the telephoto lens of any camera has
   constexpr double kAny = 1e12;   // px
   for (int i = 0; i < 9; ++i) {
     if (std::isfinite(k(i / 3, i % 3))) continue;

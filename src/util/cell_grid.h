@@ -10,15 +10,17 @@
 
 namespace ktgp_orb::util {
 
-/// Sorts points into square cells, so that the points near a position are found fast. Points
-/// outside the image belong to the nearest cell; NaN counts as 0. Keeps its buffers.
+/// Sorts points into square cells, so that the points near a position are found fast. A point
+/// outside the image is put into the nearest cell; a NaN coordinate counts as 0. The memory is used
+/// again by the next build().
 class CellGrid {
  public:
-  /// Sorts `count` points. `point(i)`: position of point i, px. `side`: side of a cell, px, > 0; it
-  /// is increased if there would be too many cells.
+  /// Sorts `count` points into cells. `point(i)`: returns the position of point i, px. `side`: side
+  /// of a cell, px, above 0; if there would be too many cells, a longer side is used.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
-    // Maximum number of cells along a side; more cells would cost more time than they save.
+    // Maximum number of cells along the longer side of the image. With more cells, visiting empty
+    // cells would cost more time than the smaller cells save.
     constexpr double kMostCells = 1024.0;
     per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
     columns_ = static_cast<int>(image.width * per_side_) + 1;
@@ -30,12 +32,13 @@ class CellGrid {
                  });
   }
 
-  /// Indices of the points, cell by cell. The cells are ordered row by row, and the indices within
-  /// a cell are ascending.
+  /// Indices of the points, cell by cell: the cells row by row, and ascending indices within a
+  /// cell.
   const std::vector<std::int32_t>& order() const { return points_.order(); }
 
-  /// The cells that intersect the square of half side `radius` around (x, y) form one run of
-  /// order() per row of cells. Calls visit(begin, end) for each of these runs.
+  /// Visits the cells that intersect the square around (x, y) with half side `radius`. In each row
+  /// of cells, these cells are neighbours, so their points follow each other in order(). Calls
+  /// visit(begin, end) with this range of order(), once for each row.
   template <typename Visit>
   void visitRuns(double x, double y, double radius, Visit visit) const {
     const int left = column(x - radius);
@@ -62,7 +65,7 @@ class CellGrid {
   int row(double y) const { return clamped(y, rows_); }
   int clamped(double x, int count) const {
     const double cell = x * per_side_;
-    // The comparison is written so that NaN gets cell 0.
+    // NaN makes this comparison false, so it gets cell 0.
     return cell >= 1.0 ? static_cast<int>(std::min(cell, count - 1.0)) : 0;
   }
 

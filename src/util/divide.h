@@ -2,7 +2,7 @@
 
 namespace ktgp_orb::util {
 
-/// a / b rounded up, for a >= 0 and b > 0.
+/// a / b, rounded up. Requires a >= 0 and b > 0.
 template <typename T>
 constexpr T ceilDivide(T a, T b) {
   return (a + b - 1) / b;

@@ -22,7 +22,7 @@ __attribute__((format(printf, 1, 2))) inline std::string format(const char* patt
   return text;
 }
 
-/// Joins texts: "a, b, c" for the separator ", ".
+/// Joins the texts with a separator between them: "a, b, c" for the separator ", ".
 template <typename Texts>
 std::string joined(const Texts& texts, const char* separator) {
   std::string all;
@@ -35,7 +35,7 @@ inline std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
-/// The name of a frame without a leading slash, as tf2 needs it.
+/// The name of a tf frame without a leading slash, which tf2 does not allow.
 inline std::string withoutSlash(const std::string& frame) {
   return frame.substr(std::min(frame.find_first_not_of('/'), frame.size()));
 }

@@ -9,8 +9,9 @@ namespace {
 
 constexpr int kValues = 65536;
 
-/// The grey values of the dark and the bright end: at most `ignored` pixels are darker than the
-/// first value, and at most `ignored` pixels are brighter than the second.
+/// Returns the darkest and the brightest grey value of the image, without the extremes: at most
+/// `ignored` pixels are darker than the first value, and at most `ignored` pixels are brighter than
+/// the second.
 std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
   std::vector<std::uint32_t> histogram(kValues, 0);
   for (int y = 0; y < image.rows; ++y) {

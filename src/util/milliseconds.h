@@ -4,7 +4,7 @@
 
 namespace ktgp_orb::util {
 
-/// Wall-clock time since `start`, ms.
+/// Time that has passed since `start`, ms.
 inline double millisecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
       .count();

@@ -4,8 +4,8 @@
 
 namespace ktgp_orb::util {
 
-/// The name of an enumerator. `names`: the names of all enumerators, whose values are 0 to `kLast`,
-/// in this order.
+/// The name of the enumerator `value`. `names`: the names of the enumerators 0 to `kLast`, in this
+/// order.
 template <auto kLast, std::size_t kCount>
 const char* nameOf(decltype(kLast) value, const char* const (&names)[kCount]) {
   static_assert(kCount == static_cast<std::size_t>(kLast) + 1, "each enumerator has its name");

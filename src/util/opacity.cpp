@@ -6,8 +6,8 @@ namespace ktgp_orb::util {
 namespace {
 
 /// Fills the unknown values of a picture. `weight`: CV_32FC1, 1 where `values` are known and 0
-/// elsewhere. Unknown values are interpolated from a picture of half the size, in which each pixel
-/// is the mean of the known values that it covers.
+/// elsewhere. Makes a picture of half the size, in which each pixel is the mean of the known values
+/// that it covers, fills that picture in the same way, and interpolates the unknown values from it.
 void fill(const cv::Mat& weight, cv::Mat& values) {
   if (cv::countNonZero(weight) == static_cast<int>(weight.total())) return;
   const cv::Size half((weight.cols + 1) / 2, (weight.rows + 1) / 2);

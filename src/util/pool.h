@@ -8,26 +8,27 @@
 
 namespace ktgp_orb::util {
 
-/// Hands out objects as shared pointers. When the last holder releases an object, the pool takes it
-/// back with its buffers.
+/// Hands out objects as shared pointers. When the last shared pointer is destroyed, the object
+/// returns to the pool and keeps its memory for the next user.
 ///
-/// A shared_ptr frees its control block when nobody holds the pointer any more. Here the control
-/// block lies beside the object. So no memory is allocated for the block, and when the block is
-/// freed, the pool knows that the object is free. The lock makes all accesses of the last holder
-/// come before the accesses of the next holder; use_count() would not guarantee this.
+/// A shared_ptr frees its control block when no pointer to it exists any more. Here the control
+/// block is stored beside the object, so it needs no memory of its own, and the call that frees it
+/// tells the pool that the object can be used again. The pool's mutex makes everything that the
+/// last user did with the object visible to the next user; use_count() would not guarantee this.
 template <typename T>
 class Pool {
  public:
   using Release = void (*)(T&);
 
-  /// `most`: largest number of free objects to keep. `release`: function that is called with a
-  /// released object, in the thread of the last holder.
+  /// `most`: the pool keeps at most this many unused objects. `release`: called with each object
+  /// that returns, in the thread that destroyed the last pointer to it.
   Pool(std::size_t most, Release release) : state_(std::make_shared<State>()), release_(release) {
     state_->most = most;
     state_->free.reserve(most);
   }
 
-  /// A new object, or a returned object with the content that it had when it was returned.
+  /// Returns an unused object, with the content that it had when it returned to the pool, or a new
+  /// object if there is none.
   std::shared_ptr<T> take() {
     Slot* const slot = state_->take().release();
     return {&slot->object, [release = release_](T* object) { release(*object); },
@@ -61,8 +62,8 @@ class Pool {
     std::size_t most = 0;
   };
 
-  /// Allocator that puts the control block of a shared_ptr into Slot::block, so that no memory is
-  /// allocated for it.
+  /// Allocator for the control block of a shared_ptr: puts it into Slot::block instead of
+  /// allocating memory, and gives the slot back to the pool when the block is freed.
   template <typename Block>
   struct BlockAllocator {
     using value_type = Block;

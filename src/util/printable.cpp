@@ -5,14 +5,16 @@
 namespace ktgp_orb::util {
 namespace {
 
-/// Number of bytes of the printable character at `i`; 0 if there is none.
+/// Number of bytes of the printable UTF-8 character that begins at byte `i`; 0 if none begins
+/// there.
 std::size_t printableAt(const std::string& text, std::size_t i) {
   const auto at = [&text](std::size_t k) {
     return k < text.size() ? static_cast<unsigned char>(text[k]) : 0U;
   };
   const unsigned first = at(i);
   if (first < 0x80) return first >= 0x20 && first != 0x7f ? 1 : 0;
-  const bool is_control = first == 0xc2 && at(i + 1) < 0xa0;  // control characters U+0080 to U+009F
+  // U+0080 to U+009F: control characters.
+  const bool is_control = first == 0xc2 && at(i + 1) < 0xa0;
   const std::size_t bytes = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
   if (first < 0xc2 || first > 0xf4 || is_control) return 0;
   for (std::size_t k = 1; k < bytes; ++k) {

@@ -4,11 +4,12 @@
 
 namespace ktgp_orb::util {
 
-/// Makes untrusted text, such as an id or a file name, safe for logs, answers and terminals: bytes
-/// that are not printable UTF-8 become \xNN, and only the first `most` bytes are kept.
+/// Makes text from outside, such as an id or a file name, safe for logs, service answers and
+/// terminals: bytes that are not printable UTF-8 become \xNN, and only the first `most` bytes are
+/// kept.
 std::string printable(const std::string& text, std::size_t most = 200);
 
-/// The result of printable() in quotes.
+/// Like printable(), but with quotes around the text.
 std::string quoted(const std::string& text);
 
 }  // namespace ktgp_orb::util

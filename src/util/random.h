@@ -4,7 +4,7 @@
 
 namespace ktgp_orb::util {
 
-/// Random numbers by SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), which has 64 bits of state and
+/// Random numbers from SplitMix64 (Steele, Lea & Flood, OOPSLA 2014). Its state has 64 bits, and it
 /// gives the same numbers on all machines.
 class Random {
  public:
@@ -18,7 +18,8 @@ class Random {
     return z ^ (z >> 31);
   }
 
-  /// A number that is uniform in [0, n). The bias of n / 2^32 is far too small to matter.
+  /// A random number in [0, n). All numbers are equally likely except for a bias of n / 2^32, which
+  /// is too small to matter.
   std::uint32_t below(std::uint32_t n) {
     return static_cast<std::uint32_t>(((next() >> 32) * n) >> 32);
   }

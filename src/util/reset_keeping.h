@@ -4,8 +4,8 @@
 
 namespace ktgp_orb::util {
 
-/// Resets a result to its initial state, but keeps the memory of one of its buffers, which becomes
-/// empty.
+/// Resets `result` to its initial state. Its member `buffer` becomes empty, too, but keeps its
+/// memory.
 template <typename Result, typename Buffer>
 void resetKeeping(Buffer Result::*buffer, Result& result) {
   Buffer kept = std::move(result.*buffer);

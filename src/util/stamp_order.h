@@ -7,26 +7,28 @@
 
 namespace ktgp_orb::util {
 
-/// Detects wrong stamps in a sequence, by comparison with the neighbouring stamps. A stamp that is
-/// before the newest accepted stamp, or far after it, is set apart. If the next stamp continues
-/// from the stamp set apart, both are accepted: the recording was looped, a clock was set, or the
-/// camera paused. Otherwise the stamp set apart was wrong and is forgotten. A stamp that is only a
-/// little ahead is accepted at first. It is recognised as wrong if the next two stamps are in
-/// order, after its predecessor and before the stamp itself.
+/// Detects wrong stamps in a sequence of frames or messages by comparing neighbouring stamps. A
+/// stamp that is before the newest accepted stamp, or far after it, is not accepted at first, but
+/// set apart. If the next stamp continues from there, both are accepted: a recording was started
+/// again, a clock was set, or the camera paused. Otherwise the stamp set apart was wrong and is
+/// forgotten. A wrong stamp that is only a little ahead is accepted at first. It is recognised as
+/// wrong if the next two stamps are in order, after its predecessor and before the stamp itself.
 class StampOrder {
  public:
   struct Place {
-    bool is_apart = false;   ///< this stamp was set apart, not accepted
-    bool restarted = false;  ///< the previous stamp (set apart) begins a new sequence
-    /// The newest accepted stamp was wrong, the stamp set apart is right; the sequence continues.
+    bool is_apart = false;   ///< this stamp was set apart, so it is not accepted yet
+    bool restarted = false;  ///< the previous stamp, set apart, began a new sequence
+    /// The newest accepted stamp was wrong, and the stamp set apart after it was right: the
+    /// sequence continues with the latter.
     bool was_one_ahead = false;
   };
 
   StampOrder() = default;
-  /// Accepts stamps that are out of order by up to `jitter`, ns.
+  /// Stamps that are out of order by up to `jitter`, ns, are accepted.
   explicit StampOrder(std::int64_t jitter) : jitter_(jitter) {}
 
-  /// A stamp that is more than `longest`, ns, after the newest accepted stamp is set apart.
+  /// Decides on the next stamp, ns. If it is more than `longest`, ns, after the newest accepted
+  /// stamp, it is set apart.
   Place next(std::int64_t stamp,
              std::uint64_t longest = std::numeric_limits<std::uint64_t>::max()) {
     Place place;
@@ -53,7 +55,8 @@ class StampOrder {
 
  private:
   bool isBefore(std::int64_t stamp, std::int64_t other) const { return stamp + jitter_ < other; }
-  /// Unsigned, since the difference of two stamps may exceed the range of a signed number.
+  /// The result is unsigned, because the difference of two stamps may be too large for a signed
+  /// number.
   static std::uint64_t difference(std::int64_t later, std::int64_t earlier) {
     return static_cast<std::uint64_t>(later) - static_cast<std::uint64_t>(earlier);
   }

@@ -9,10 +9,10 @@
 namespace ktgp_orb::util {
 namespace {
 
-// Waking a sleeping thread takes about as long as a short loop. So a waiting thread first polls for
-// some tens of microseconds, and lets other threads run in between. The polling is limited by time,
-// not by the number of yields, since on a busy machine one yield may take as long as the time
-// slices of all waiting threads.
+// Waits until `condition` is true. Waking a sleeping thread takes about as long as a short loop, so
+// the waiting thread polls for some tens of microseconds and yields to other threads in between. We
+// limit the time of the polling and not the number of yields, because on a busy machine one yield
+// may take as long as the time slices of all waiting threads.
 template <typename Condition>
 void waitAwake(const Condition& condition) {
   using Clock = std::chrono::steady_clock;
@@ -24,7 +24,7 @@ void waitAwake(const Condition& condition) {
 
 ThreadPool::ThreadPool(int threads) {
   requireInRange("threads", threads, 0, 1024);
-  // hardware_concurrency() returns 0 if the number is not known.
+  // hardware_concurrency() returns 0 if it does not know the number of cores.
   if (threads == 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   try {
     for (int i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
@@ -58,7 +58,8 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  // Workers that wake up later find no loop and do nothing, so we wait only for the busy workers.
+  // Wait only for the workers that are busy. Workers that wake up later find loop_ null and do
+  // nothing.
   loop_ = nullptr;
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });

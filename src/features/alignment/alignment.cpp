@@ -18,7 +18,7 @@ namespace {
 using alignment::bestAlignmentKernels;
 
 constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
-constexpr double kReach = 4.0;       // px, largest distance from the position that H predicts
+constexpr double kReach = 4.0;       // px, farthest that a patch may move from where H puts it
 
 /// The counter in AlignmentResult for each PatchOutcome, in the order of the enumerators. Aligned
 /// points have no counter, because they are in `points`.
@@ -39,8 +39,9 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Largest standard deviation of H at the image corners, px. Computed for the corners mapped to the
-/// target and for those mapped back to the reference; returns the smaller result.
+/// Returns the uncertainty of the homography, px: the largest standard deviation at the image
+/// corners. It is computed for the corners of the reference mapped to the target, and for these
+/// points mapped back to the reference; the smaller result is returned.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -49,11 +50,11 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
   return std::min(deviation.target, deviation.reference);
 }
 
-/// Whether the aligned homography `candidate` replaces the homography `before`, which comes from
-/// keypoints. It does not if `before` has a smaller uncertainty at the image corners. This happens
-/// if patches could be aligned only in a small part of the image, or if their positions are as
-/// noisy as keypoints. The shared covariance of the candidate is left out, because the smooth
-/// errors of aligned points come from the scene, and keypoints have the same errors.
+/// Returns true if the aligned homography `candidate` replaces the homography `before`, which comes
+/// from keypoints: if its uncertainty at the image corners is not larger. It is larger if patches
+/// could be aligned only in a small part of the image, or if their positions are as noisy as
+/// keypoints. The shared covariance of the candidate is left out, because it describes smooth
+/// errors that come from the scene, and keypoints have the same errors.
 bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
               const cv::Size& reference_size) {
   return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
@@ -79,7 +80,7 @@ struct Alignment::Impl {
 
   alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
-  double rounding2 = 0.0;  // sum of AlignedPatch::rounding2, px²
+  double rounding2 = 0.0;  // sum of AlignedPatch::rounding2 over the aligned patches, px²
   // Positions of the reference keypoints of all matches.
   std::vector<Eigen::Vector2d> reference_points;
   std::vector<Eigen::Vector2d> target_points;

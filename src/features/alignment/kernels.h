@@ -19,8 +19,8 @@ constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
 
-/// Positions of samples (row, column) on a slanted grid, relative to a given pixel, in units of
-/// 1/65536 px.
+/// The samples (row, column) of a patch lie on a slanted grid. These are the position of its first
+/// sample, relative to a given pixel, and its steps, all in units of 1/65536 px.
 struct AffineWalk {
   std::int32_t x0, y0;              ///< position of sample (0, 0)
   std::int32_t x_column, y_column;  ///< step to the next column
@@ -33,7 +33,7 @@ struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
   float dy[kPatchSide][kPatchSide];
-  /// Sums of the products of the value t and the derivatives x and y.
+  /// Sums over the patch of the products of value (t), derivative by x (x) and derivative by y (y).
   float tt, tx, ty, xx, xy, yy;
 };
 
@@ -68,11 +68,11 @@ struct AlignmentKernels {
   MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
 };
 
-/// Weights for interpolation at the fraction `f` of a pixel: the weight of the pixel itself, of the
-/// pixel before, and of the two pixels after. This cubic displaces waves with a length of six
-/// pixels or more by less than 0.001 px. The cubic of Catmull and Rom would displace them by up to
-/// 0.017 px, always towards whole pixels, so that the errors would add up from frame to frame if
-/// the camera moves slowly.
+/// Weights for interpolation at the fraction `f` of a pixel: the weight of the pixel itself (`at`),
+/// of the pixel before, and of the two pixels after. A pattern of waves with a wavelength of six
+/// pixels or more is displaced by less than 0.001 px by this cubic. The cubic of Catmull and Rom
+/// would displace it by up to 0.017 px, always towards whole pixels, so that the errors would add
+/// up from frame to frame if the camera moves slowly.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
@@ -89,9 +89,9 @@ inline float sumOfColumns(const float* s) {
   return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
 }
 
-/// The set of functions in plain C++, which is the reference for the other sets.
+/// Returns the functions in plain C++, which are the reference for the other sets.
 const AlignmentKernels& portableAlignmentKernels();
-/// The fastest set that this build and this processor support.
+/// Returns the fastest set that this build and this processor support.
 const AlignmentKernels& bestAlignmentKernels();
 
 }  // namespace ktgp_orb::alignment

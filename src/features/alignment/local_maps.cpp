@@ -46,7 +46,7 @@ void LocalMaps::findNeighbours(std::size_t i) {
 
 Eigen::Matrix3d LocalMaps::at(std::size_t i) {
   constexpr int kRounds = 3;
-  // Weight of the similarity map, relative to the weight of the neighbours.
+  // Weight of the similarity map, relative to the weight of all neighbours together.
   constexpr double kPrior = 0.1;
   // px; a neighbour with this deviation from the map gets half the weight.
   constexpr double kNear = 2.0;

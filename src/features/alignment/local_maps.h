@@ -12,7 +12,7 @@
 namespace ktgp_orb::alignment {
 
 /// Computes the affine map from the reference to the target in the neighbourhood of each match. No
-/// homography is needed. Keeps its buffers.
+/// homography is needed. Keeps its buffers from call to call.
 class LocalMaps {
  public:
   /// Parallel arrays of matched points, px; `image`: size of the reference image.
@@ -30,7 +30,7 @@ class LocalMaps {
 
   const std::vector<Eigen::Vector2d>* reference_ = nullptr;
   const std::vector<Eigen::Vector2d>* target_ = nullptr;
-  double spacing_ = 1.0;  // radius of a disc with about twelve points, px
+  double spacing_ = 1.0;  // radius of a disc that contains about twelve points, px
   util::CellGrid grid_;
   // Squared distance (px²) and index of each neighbour.
   std::vector<std::pair<double, std::int32_t>> near_;

@@ -47,10 +47,11 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Apparent shift of a patch, px of the target, because the patch is warped by an affine map but H
-/// is not affine. It is the mean of H's second-order terms over the patch. `back`: the affine warp,
-/// i.e. the inverse of H's Jacobian at the patch centre; `w`: third homogeneous coordinate of the
-/// mapped centre; `side`: side lengths of the patch, px of the target.
+/// The patch is warped by an affine map, but H is not affine. Therefore the patch seems to be
+/// shifted by the mean of H's second-order terms over the patch. Returns this shift, px of the
+/// target. `back`: the affine warp, i.e. the inverse of H's Jacobian at the patch centre; `w`:
+/// third homogeneous coordinate of the mapped centre; `side`: side lengths of the patch, px of the
+/// target.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -143,15 +144,17 @@ namespace {
 
 constexpr double kHalf = 0.5 * (kPatchSide - 1);
 
-/// Second moments of the derivatives of a patch, with gain and bias projected out.
+/// Sums of the products of the derivatives of a patch, without the part of the derivatives that
+/// looks like a change of brightness (gain or bias).
 struct Texture {
-  double sx, sy;  // a gain explains the parts sx t and sy t of the derivatives dx and dy
+  double sx, sy;  // sx t and sy t, the parts of dx and dy that look like a change of gain
   double xx, xy, yy;
   double determinant;
 
   /// Computes the moments; empty if the patch has too little texture to be located.
   static std::optional<Texture> of(const PatchTemplate& patch) {
-    // Minimum sums of t² and of the squared derivative in any direction, grey values² (per px²).
+    // Minimum of the sum of the squared values t, in grey values², and of the sum of the squared
+    // derivatives in the direction with the least texture, in grey values² per px².
     constexpr double kLeast = 500.0;
     if (!(patch.tt > kLeast)) return std::nullopt;
     Texture t{patch.tx / patch.tt, patch.ty / patch.tt, 0.0, 0.0, 0.0, 0.0};
@@ -171,7 +174,7 @@ struct Texture {
 std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const cv::Mat& level) {
   constexpr double kFar = 1e6;     // beyond any image, but small enough for an int
   constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
-  // Whole px that the patch can move in each direction.
+  // Number of whole px that the patch can move in each direction.
   constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;
   if (!(corner.array().abs() < kFar).all()) return std::nullopt;
   const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
@@ -193,7 +196,8 @@ std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, do
   const double gain = m.ti / tt;
   const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
   if (!(gain > 0.0) || !(variance > 0.0)) return std::nullopt;
-  // Limited to 1, since rounding of the single-precision sums may give more at very low contrast.
+  // Limit the correlation to 1. Rounding of the single-precision sums may give more if the contrast
+  // is very low.
   correlation = std::min(1.0, gain * m.ti / variance);
   const double bx = (m.xi - t.sx * m.ti) / gain;
   const double by = (m.yi - t.sy * m.ti) / gain;

@@ -28,15 +28,15 @@ struct AlignedPatch {
   double rounding2 = 0.0;
 };
 
-/// Registers single patches of the reference in the target. A patch is warped by the local affine
-/// part of H (as in SVO; Forster et al., ICRA 2014). Its translation is found by
-/// inverse-compositional least squares (Baker & Matthews, IJCV 2004), with gain and bias projected
-/// out.
+/// Finds single patches of the reference in the target. A patch is warped by the local affine part
+/// of H (as in SVO; Forster et al., ICRA 2014). Its translation is found by inverse-compositional
+/// least squares (Baker & Matthews, IJCV 2004), in which differences of gain and bias between the
+/// images have no effect (they are projected out).
 class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// Sets the grey image pyramids, level 0 first. Keeps only pointers to them. Returns false if a
+  /// Sets the grey image pyramids, level 0 first. Stores only pointers to them. Returns false if a
   /// pyramid has no image, so that nothing can be aligned.
   bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 

@@ -20,8 +20,9 @@ bool isFinite(const cv::Matx33d& matrix) {
   return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
 }
 
-/// OpenCV's lens models ignore skew. The principal point may be outside the image if the image is a
-/// part (roi) of a larger image.
+/// Throws if OpenCV's lens models cannot use the camera matrix; for example, they ignore skew. The
+/// principal point may be outside the image, because the image may be a part (roi) of a larger
+/// image.
 void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
   // Largest |cx| and |cy|, measured from the image's corner, as a multiple of width and height.
   constexpr double kFarthest = 10.0;
@@ -62,8 +63,8 @@ void requireCoefficients(const LensCalibration& calibration) {
   }
 }
 
-// OpenCV's default of five iterations leaves errors of whole pixels near the corners of a wide
-// lens.
+// With OpenCV's default of five iterations, undistorted points near the corners of a wide lens
+// would be wrong by whole pixels.
 const cv::TermCriteria kUntil(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
 
 std::vector<cv::Point2d> raysOf(const LensCalibration& c, const std::vector<cv::Point2d>& pixels) {
@@ -92,8 +93,8 @@ std::vector<cv::Point2d> pixelsOf(const LensCalibration& c, const std::vector<cv
 
 constexpr double kNear = 1.0;  // px
 
-/// Throws if the distortion cannot be inverted near the middle of the image. If the calibration is
-/// right, it can be inverted there.
+/// Throws if the distortion cannot be inverted near the middle of the image. With a right
+/// calibration, this is always possible.
 void requireInverse(const LensCalibration& c) {
   // Distance of the test point from the principal point, as a share of the image size.
   constexpr double kShare = 0.125;
@@ -107,8 +108,9 @@ void requireInverse(const LensCalibration& c) {
 
 // At 60 degrees from the axis of a fisheye, one pixel covers 1 / cos² = 4 px of the undistorted
 // image, which is more than the inlier threshold; at 75 degrees, it covers 15 px. We tested the
-// preset slam on 8 image pairs of a 200-degree lens: with points up to 75 degrees, it was certain
-// of a pure turn in 2 pairs, with points up to 60 degrees in all 8.
+// preset slam on 8 image pairs of a camera with a 200-degree lens that only turned: with points up
+// to 60 degrees, it was certain of the pure turn in all 8 pairs, with points up to 75 degrees only
+// in 2.
 constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 
 /// Largest angle, rad, up to which the distance from the principal point increases with the angle.

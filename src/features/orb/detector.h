@@ -27,7 +27,7 @@ inline const std::uint8_t* pixelAt(const cv::Mat& image, const cv::Point2f& poin
   return image.ptr<std::uint8_t>(static_cast<int>(point.y)) + static_cast<int>(point.x);
 }
 
-/// Harris response of a pixel.
+/// Returns the Harris response of a pixel.
 inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
                             const cv::Point2f& point) {
   return kernels.harris(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));

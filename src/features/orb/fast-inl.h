@@ -16,10 +16,14 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::ScalableTag<std::uint8_t>;
 using ByteVector = hn::Vec<Bytes>;
 
-// For each pixel: the minimum over an arc of nine neighbours, maximised over all arcs.
+// For each pixel, finds the darkest neighbour of every arc of nine neighbours on its circle, and
+// returns the brightest of these 16 values. If it is brighter than the pixel, there is a bright
+// arc.
 //
 // An arc that starts at an even neighbour and the arc that starts at the next neighbour share eight
-// neighbours: max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
+// neighbours. With `eight` for the minimum of these eight, and `first` and `last` for the ninth
+// neighbours of the two arcs: max(min(eight, first), min(eight, last)) =
+// min(eight, max(first, last)).
 HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   ByteVector ends[8];
   ByteVector two[8];
@@ -37,17 +41,19 @@ HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   return nine[0];
 }
 
-// True for pixels that cannot have a dark arc. An arc of nine contains both pixels of one opposite
-// pair, so a dark arc needs a pair whose two pixels are dark. An arc also contains at least one
-// pixel of every opposite pair, so such a dark pair excludes a bright arc.
+// A dark arc has nine neighbours that are darker than the pixel. Returns true for pixels that
+// cannot have a dark arc. An arc of nine contains both neighbours of one opposite pair, so a dark
+// arc needs a pair whose two neighbours are dark. (If there is such a pair, there can be no bright
+// arc, because an arc also contains at least one neighbour of every opposite pair.)
 HWY_INLINE hn::Mask<Bytes> canOnlyBeBright(const ByteVector (&p)[16], ByteVector centre) {
   ByteVector least = hn::Max(p[0], p[8]);
   for (int i = 1; i < 8; ++i) least = hn::Min(least, hn::Max(p[i], p[i + 8]));
   return least > centre;
 }
 
-// Any arc of nine contains two neighbouring compass points. So a pixel is no corner unless two
-// neighbouring compass points have enough contrast.
+// Any arc of nine contains two neighbouring compass points (the south, east, north and west pixels
+// of the circle). So a pixel is no corner unless two neighbouring compass points have enough
+// contrast to it.
 HWY_INLINE bool mayHoldCorner(ByteVector south, ByteVector east, ByteVector north, ByteVector west,
                               ByteVector centre, ByteVector threshold) {
   const auto brightest = hn::Min(hn::Max(south, north), hn::Max(east, west));

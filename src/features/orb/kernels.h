@@ -97,9 +97,9 @@ struct OrbKernels {
                           const TeblidPlacement& placement, std::uint8_t* descriptor);
 };
 
-/// The set of functions in plain C++, which is the reference for the other sets.
+/// Returns the functions in plain C++, which are the reference for the other sets.
 const OrbKernels& portableOrbKernels();
-/// The fastest set that this build and this processor support.
+/// Returns the fastest set that this build and this processor support.
 const OrbKernels& bestOrbKernels();
 
 }  // namespace ktgp_orb::orb

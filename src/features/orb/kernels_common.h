@@ -38,9 +38,9 @@ alignas(64) constexpr auto kDisc = [] {
 constexpr float kGaussian[kBlurRadius + 1] = {0.216105938f, 0.190712824f, 0.131074876f,
                                               0.0701593235f};
 
-/// Adding this to a float of magnitude below 2^22 rounds it to the nearest integer, half to even,
-/// and leaves that integer in the low bits of the sum. This takes one instruction instead of a call
-/// of lrint.
+/// If kRounder is added to a float of magnitude below 2^22, the float is rounded to the nearest
+/// integer, half to even, and the low bits of the sum contain this integer. This takes one
+/// instruction instead of a call of lrint.
 constexpr float kRounder = 12582912.f;              // 1.5 * 2^23
 constexpr std::uint32_t kRounderBits = 0x4B400000;  // kRounder as an integer with the same bits
 

@@ -23,7 +23,8 @@ HWY_INLINE std::int32_t dot(V a, V b) {
   return hn::GetLane(hn::SumOfLanes(d32, hn::Add(sum, more)));
 }
 
-// The seven columns of the block are in eight lanes; rows are processed one by one.
+// Each of the seven columns of the block has a lane (the eighth lane is not used); rows are
+// processed one by one.
 float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::FixedTag<std::int16_t, 8> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
@@ -55,8 +56,8 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
                         hn::GetLane(hn::SumOfLanes(d32, xy + xy1)));
 }
 
-// The columns of the disc are in lanes. For each column, the sum of I over the rows is at most 31 *
-// 255 and the sum of y * I at most 120 * 255, so both fit into 16 bits.
+// Each lane holds a column of the disc. For each column, the sum of the intensities I over the rows
+// is at most 31 * 255 and the sum of y * I at most 120 * 255, so both fit into 16 bits.
 std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::CappedTag<std::int16_t, kDiscColumns> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
@@ -115,7 +116,8 @@ class PatternRotation {
   hn::Vec<Coordinates> cosine_;
   hn::Vec<Coordinates> sine_;
   hn::Vec<Offsets> stride_;
-  // Subtracted from row * stride + column (mod 2^32), since row and column contain kRounderBits.
+  // kRounderBits * (stride + 1). It is subtracted from row * stride + column (mod 2^32), because
+  // row and column still contain kRounderBits.
   hn::Vec<Offsets> surplus_;
 };
 

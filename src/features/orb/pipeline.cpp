@@ -133,8 +133,8 @@ void OrbPipeline::cutIntoBands() {
   }
 }
 
-/// The FAST threshold of the first detection. A uniform distribution needs half of the given
-/// threshold, because parts of the image with few corners use weaker corners, too.
+/// The FAST threshold of the first detection. For a uniform distribution, it is half of the
+/// threshold in the options, because parts of the image with few corners keep weaker corners, too.
 int OrbPipeline::fullThreshold() const {
   constexpr int kWeaker = 2;
   return options_.distribution == KeypointDistribution::ranked
@@ -153,7 +153,7 @@ void OrbPipeline::detect(Band& band, int threshold) {
 
 void OrbPipeline::detectAndBlur(Band& band) {
   detect(band, fullThreshold());
-  if (teblid_) return;  // box means need no blur
+  if (teblid_) return;  // TEBLID compares means of boxes, which need no blur
   blurRows(pyramid_.levels()[band.level].image, band.first_row, band.last_row, kernels_,
            band.blurred_rows, levels_[band.level].blurred);
 }
@@ -191,8 +191,8 @@ void OrbPipeline::chooseRanked() {
     collectCorners(level);
     const PyramidLevel& source = pyramid_.levels()[level];
     std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
-    // The FAST score is an inaccurate measure. So we use it only to preselect twice the wanted
-    // number of corners.
+    // The FAST score is an inaccurate measure of a corner's quality. So we use it only to preselect
+    // twice the wanted number of corners.
     cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
     for (cv::KeyPoint& keypoint : keypoints) {
       keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);

@@ -35,7 +35,7 @@ class OrbPipeline {
     int last_row = 0;
     std::vector<cv::KeyPoint> corners;
     FastScratch fast_scratch;
-    cv::Mat blurred_rows;  ///< buffer of blurRows
+    cv::Mat blurred_rows;  ///< buffer of blurRows()
   };
   struct Level {
     cv::Mat blurred;

@@ -15,9 +15,9 @@ using util::ceilDivide;
 
 constexpr int kReach = 16;  // number of source pixels that a narrow block loads
 
-// Returns the index of the first of the two source pixels, and the weight of the second in units of
-// 1/256. Pixel centres are at half-integers. Outside the outermost centres, the edge pixel is
-// repeated.
+// For target pixel i, returns the index of the first of its two source pixels, and the weight of
+// the second in units of 1/256. Pixel centres are at half-integers. Outside the outermost centres,
+// the edge pixel is repeated.
 std::pair<int, int> tapAt(int i, int source, int target) {
   const double scale = 1.0 / (static_cast<double>(target) / source);
   const double position = scale * (i + 0.5) - 0.5;
@@ -52,7 +52,8 @@ ResizeAxis::ResizeAxis(int source_length, int target_length)
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     ResizeBlock& block = blocks[b];
     const int begin = static_cast<int>(b) * kResizeBlock;
-    // The last block of a row starts earlier, so that it does not read past the end of the row.
+    // The last block of a row starts further left, so that it does not read past the end of the
+    // row.
     block.start = std::min(tapAt(begin, source, target).first, std::max(source - kReach, 0));
     for (int i = 0; i < kResizeBlock; ++i) {
       const auto [first, weight] = tapAt(std::min(begin + i, target - 1), source, target);

@@ -53,8 +53,8 @@ struct PyramidLevel {
   int features_quota = 0;  ///< number of keypoints wanted from this level
 };
 
-/// Number of features of each level, in proportion to the side length of the level. The last level
-/// gets the rest.
+/// Number of features that each level should have, in proportion to the side length of the level.
+/// The last level gets the rest.
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
 
 /// The image pyramid. Buffers are kept from image to image.

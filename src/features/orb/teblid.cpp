@@ -63,8 +63,8 @@ TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row)
     area[radius] = side * side;
   }
   for (int bit = 0; bit < kTeblidBits; ++bit) {
-    // Limited, because the conversion to an integer would overflow on the highest levels, where a
-    // box may be larger than any image. No keypoint is found on such levels.
+    // Limits the bound, because the conversion to an integer would overflow on the highest levels,
+    // where a box may be larger than any image. No keypoint is found on such levels.
     constexpr float kMost = 1 << 30;
     const float difference =
         std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);

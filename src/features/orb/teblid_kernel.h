@@ -69,13 +69,13 @@ struct TeblidPlacement {
     y = (-scale * sine - scale * cosine) * kTeblidPatch * 0.5f + keypoint.pt.y;
   }
 
-  float scale;  ///< px of the image per px of the patch
+  float scale;  ///< side of a patch pixel in the image, px
   float x_from_u, x_from_v, x;
   float y_from_u, y_from_v, y;
 };
 
-/// True only if all boxes of a keypoint are inside the image. The farthest corner of a box is at
-/// most 0.7 * size from the keypoint, and rounding adds up to 2 px to this distance.
+/// Returns true only if all boxes of a keypoint are inside the image. The farthest corner of a box
+/// is at most 0.7 * size from the keypoint, and rounding adds up to 2 px to this distance.
 inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
   constexpr float kMargin = 1.75f / 2;
   constexpr float kLeastSize = 16.f;
@@ -93,14 +93,14 @@ struct TeblidScale {
   float keypoint_size;
   int stride;
   /// Offsets in the integral image from the centre pixel of a box to its corners (upper left, upper
-  /// right, lower left, lower right). The index is the radius in the table.
+  /// right, lower left, lower right). The index is the box radius given in kTeblidTable.
   std::array<std::ptrdiff_t, 4> corners[kTeblidRadii + 1];
   /// A bit is set if the difference of the sums of its two boxes is less than this bound. The index
   /// is the position of the bit in the descriptor.
   std::int32_t bound[kTeblidBits];
 };
 
-/// Computes for each pair of boxes the difference of their sums, and writes it to the position of
+/// For each pair of boxes, computes the difference of their sums, and writes it to the position of
 /// the pair's bit in the descriptor. `centres`: centres of the boxes in the order of kTeblidOrder,
 /// as indices of the integral image.
 inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale,

@@ -8,8 +8,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Whether `a` comes before `b`: the higher response first; if equal, the upper and then the left
-// keypoint.
+// Returns true if `a` comes before `b`: the higher response first; if equal, the upper and then the
+// left keypoint.
 bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   if (a.response != b.response) return a.response > b.response;
   if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;

@@ -16,7 +16,8 @@ struct LevelCells {
   LevelCells(const cv::Size& level, int quota, int keypoints_per_cell);
 
   int count() const { return columns * rows; }
-  /// Index of the cell, row by row. `point` must be at least kEdgeMargin px from the border.
+  /// Index of the cell with this point; cells are counted row by row. `point` must be at least
+  /// kEdgeMargin px from the border.
   int cellOf(const cv::Point2f& point) const;
 
   int width;  ///< width and height of the area in which keypoints may lie, px
@@ -25,7 +26,7 @@ struct LevelCells {
   int rows;
 };
 
-/// Chooses keypoints so that every part of the image has an equal share.
+/// Chooses keypoints so that every part of the image gets an equal share of them.
 ///
 /// The number of cells of a pyramid level is in proportion to the number of keypoints wanted from
 /// the level, so that all cells of all levels have the same share. If a cell has fewer corners than
@@ -44,8 +45,8 @@ class UniformChoice {
                      std::vector<cv::KeyPoint>& corners);
   /// Decides how many corners each cell keeps, after the levels 0 .. levels - 1 were sorted.
   void share(int levels);
-  /// Keeps the best corners of each cell, with their Harris response. May be called for different
-  /// levels from different threads.
+  /// Keeps the best corners of each cell, and sets their response to the Harris response. May be
+  /// called for different levels from different threads.
   void keepShares(int level, const cv::Mat& image, const OrbKernels& kernels,
                   std::vector<cv::KeyPoint>& corners);
 

@@ -39,8 +39,8 @@ void CellPairs::count(const Grid& target, const Grid& reference,
   pairs_.push_back({reference.noCell(), target_order_.begin(target.noCell())});
 }
 
-/// Returns the index of the target cell's cell pair with the most matches. If several pairs have
-/// this number of matches, returns the first of them.
+/// Among the cell pairs of this target cell, returns the index of the pair with the most matches.
+/// If several pairs have this number of matches, returns the first of them.
 std::uint32_t CellPairs::bestOf(std::uint32_t target_cell) const {
   std::uint32_t best = first_pair_[target_cell];
   for (std::uint32_t pair = best + 1; pair < first_pair_[target_cell + 1]; ++pair) {
@@ -62,8 +62,8 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
     }
     const std::uint32_t neighbour = target_cell + target_->ring[k];
     for (std::uint32_t i = first_pair_[neighbour]; i < first_pair_[neighbour + 1]; ++i) {
-      // Counts for all rotations, even if only one is wanted, because the compiler turns eight
-      // fixed lanes into vector code.
+      // Count the matches for all rotations, even if only one is wanted, because the compiler turns
+      // the eight fixed lanes into vector code.
       const std::uint32_t r = pairs_[i].reference;
       const std::uint32_t count = countOf(i);
       for (unsigned m = 0; m < kRing; ++m) scores[m] += r == corresponding[m] ? count : 0;
@@ -87,8 +87,8 @@ unsigned CellPairs::supportedRotations(std::uint32_t target_cell, std::uint32_t 
   return supported;
 }
 
-/// Mean number of matches per cell, over the target cell and its neighbours whose bit in
-/// `neighbours` is set.
+/// Returns the mean number of matches per cell, over the target cell and those neighbours whose bit
+/// in `neighbours` is set.
 double CellPairs::meanMatches(std::uint32_t target_cell, unsigned neighbours) const {
   std::uint32_t matches = target_order_.end(target_cell) - target_order_.begin(target_cell);
   int cells = 1;

@@ -13,8 +13,8 @@ namespace ktgp_orb::gms {
 constexpr unsigned kRing = 8;
 
 /// The cells of an image with a frame of one cell around them, numbered row by row. Because of the
-/// frame every cell of the image has all eight neighbours. This is not a CellGrid, because GMS asks
-/// for neighbours of cells, not for points near a position.
+/// frame, every cell of the image has all eight neighbours. We do not use CellGrid, because GMS
+/// asks for the neighbours of cells, not for points near a position.
 struct Grid {
   Grid(int grid_columns, int grid_rows)
       : columns(grid_columns),
@@ -27,9 +27,9 @@ struct Grid {
   /// The cell number that means "in no cell".
   std::uint32_t noCell() const { return cells; }
 
-  /// The cell at a position. The unit of x and y is the size of a cell, and the origin is the
-  /// corner of the image. Returns noCell() for NaN, for positions beyond the grid, and for
-  /// positions above `first_row` or left of `first_column`.
+  /// Returns the number of the cell at a position. The unit of x and y is the size of a cell, and
+  /// the origin is the corner of the image. Returns noCell() for NaN, for positions beyond the
+  /// grid, and for positions above `first_row` or left of `first_column`.
   std::uint32_t cellAt(double x, double y, int first_column = 0, int first_row = 0) const {
     const bool inside = x >= first_column && x < columns && y >= first_row && y < rows;
     if (!inside) return noCell();
@@ -65,7 +65,7 @@ constexpr unsigned kInBestPair = 1u << kRing;
 constexpr unsigned kOnGrid = kInBestPair << 1;
 
 /// Motion statistics of one target grid and one reference grid. The matches are sorted by their
-/// pair of cells. There is no table of all pairs, because nearly all of its entries would be empty.
+/// pair of cells. A table of all pairs of cells would be nearly empty, so there is none.
 class CellPairs {
  public:
   /// Counts the matches of each pair of cells. `reference_order`: the matches sorted by reference

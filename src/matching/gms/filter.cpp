@@ -24,9 +24,9 @@ int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
 }
 
-/// The position of the keypoint if the image is scaled to [0, 1) x [0, 1). It is computed in single
-/// precision as in the authors' program, because rounding decides the cell of a keypoint on a line
-/// of the grid.
+/// Returns the position of the keypoint if the image is scaled to [0, 1) x [0, 1). It is computed
+/// in single precision as in the authors' program, because rounding decides the cell of a keypoint
+/// on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
   const cv::Point2f& p = util::imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
@@ -38,10 +38,10 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// Each match is in one cell of each of the four shifted target grids, and in one reference cell. A
-// match survives if in one of the grids its cell pair fulfils two conditions: it is the best pair
-// of the target cell (has the most matches), and the pairs around it support it. The rotation and
-// scale that keep the most matches win.
+// Each match is in one cell of each of the four shifted target grids, and in one reference cell.
+// Together these are its four cell pairs. A match survives if, in one of the grids, its cell pair
+// has the most matches of all pairs of the target cell, and the pairs around it support it. We
+// choose the rotation and the scale that keep the most matches.
 
 /// A match that takes part in the votes.
 struct Match {
@@ -53,7 +53,7 @@ bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
 
-/// The result if the filter is switched off: all matches pass.
+/// Returns the result for a filter that is switched off: all matches pass.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -84,11 +84,11 @@ struct GmsFilter::Impl {
   std::vector<Grid> reference_grids;  ///< reference grid for each scale of kScales
 
   std::vector<Match> matches;
-  /// For each of the four shifts, the target cell of each match.
+  /// For each of the four shifted grids, the target cell of each match.
   std::array<std::vector<std::uint32_t>, 4> target_cells;
   std::size_t outside = 0;  ///< number of correspondences outside the target image
 
-  // The next four members belong to the current scale.
+  // The next four members hold the data for the scale that is being tried.
   std::vector<std::uint32_t> reference_cells;  ///< reference cell of each match
   util::Buckets reference_order;
   gms::CellPairs pairs;

@@ -11,16 +11,17 @@ namespace {
 
 using util::ceilDivide;
 
-/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes after
-/// the last candidate keep old bytes. This does no harm, since these lanes get the number kNoKey,
-/// which makes their keys larger than any candidate's key.
+/// Writes the candidates of half group `h` of the reference into their lanes of `group`. Lanes
+/// after the last candidate keep old bytes. This does no harm, since these lanes get the number
+/// kNoKey, which makes their keys larger than any candidate's key.
 void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
   const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
   const int half = h % 2;
   const int first = h * lanes;
   const int end = std::clamp(reference.rows, first, first + lanes);
   for (int candidate = first; candidate < end; ++candidate) {
-    // Copy the descriptor, so that the compiler knows that it does not alias the column.
+    // Copy the descriptor to the stack. Then the compiler knows that writing the column does not
+    // change it.
     std::uint8_t descriptor[kDescriptorBytes];
     std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
     std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;

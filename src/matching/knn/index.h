@@ -12,9 +12,9 @@ struct alignas(64) CacheLine {
   std::uint8_t bytes[64];
 };
 
-/// Collects the nearest query of each candidate, which is the other direction of the search. The
-/// queries come in chunks, and each thread has its own collection. At equal distances the query
-/// with the lower number wins.
+/// The other direction of the search: collects the nearest query of each candidate. The queries
+/// come in chunks, and each thread has its own collection. At equal distances, the query with the
+/// lower number wins.
 class NearestQueries {
  public:
   /// Resets all candidates to "no query". `candidates` is a multiple of 32.
@@ -23,7 +23,7 @@ class NearestQueries {
   /// The keys of the current chunk (see kernel.h), one per candidate.
   std::int16_t* keys() { return reinterpret_cast<std::int16_t*>(keys_.front().bytes); }
   /// Updates the nearest queries with the keys of the chunk that begins with query `first_query`,
-  /// and resets the keys. A thread must process its chunks in ascending order.
+  /// and resets the keys. Each thread must process its chunks in ascending order.
   void takeChunk(int first_query);
   /// Merges the result of another thread.
   void take(const NearestQueries& other);

@@ -15,13 +15,14 @@ namespace ktgp_orb::knn {
 //            byte b of each candidate. Even bytes of a row belong to the first half of the group's
 //            candidates, odd bytes to the second half. So a mask and a shift are enough to widen a
 //            row of bytes to two rows of 16 bits.
-//   block    at most kGroupsPerBlock groups, which is the number that a key can distinguish
-//   key      distance << 6 | half group within its block, in a 16-bit lane. The smaller key has the
-//            nearer candidate or, at equal distances, the lower index. Min and max keep the best
-//            two keys of every lane without a branch.
+//   block    at most kGroupsPerBlock groups, because the number in a key has only 6 bits
+//   key      distance << 6 | number of the half group in its block, in a 16-bit lane. Of two keys,
+//            the smaller belongs to the nearer candidate or, at equal distances, to the candidate
+//            with the lower index. Min and max keep the best two keys of every lane without a
+//            branch.
 //
-// The other direction of the search finds each candidate's nearest query from the same distances.
-// Its keys contain the number of the query in its chunk in place of the half group. This direction
+// The other direction of the search finds the nearest query of each candidate from the same
+// distances. Instead of the half group, its keys contain the number of the query in its chunk. It
 // takes one more minimum per candidate.
 
 constexpr int kKeyNumberBits = 6;
@@ -32,12 +33,14 @@ constexpr std::int16_t kNoKey = 32767;
 /// Number of rows of a group: a row for each descriptor byte, then the candidate numbers of both
 /// halves.
 constexpr int kRowsPerGroup = kDescriptorBytes + 2;
-/// Number of rows whose distances can be summed in a byte, since each distance is at most 8.
+/// Number of rows whose distances can be summed in a byte. In one row, a distance is at most 8
+/// bits.
 constexpr int kRowsPerSum = kDescriptorBytes / 2;
 /// Number of queries per pass over a block. Each row is read and split only once for all queries of
 /// a pass.
 constexpr int kQueriesPerPass = 4;
-/// Maximum number of queries in a chunk, since the keys of a chunk contain the number of the query.
+/// Maximum number of queries in a chunk, since a key must hold the number of the query in its
+/// chunk.
 constexpr int kMaxQueriesPerChunk = 1 << kKeyNumberBits;
 /// Number of 16-bit lanes of the widest kernel (512 bits).
 constexpr int kMaxLanes = 32;
@@ -49,20 +52,21 @@ struct QueryPass {
   int first_number;
 };
 
-/// The best two keys of every lane, found for one query.
+/// The best two keys in every lane, found for one query.
 struct LaneKeys {
   alignas(64) std::int16_t best[kMaxLanes];
   alignas(64) std::int16_t second[kMaxLanes];
 };
 
 // The inner loop of the search near predicted positions. Each instruction set has its own kernel.
-// Each query has its own candidates: some dozens in a few runs, which is too few to share rows as
-// above. Lanes have 32 bits here. A vector holds word w of one descriptor per lane; a descriptor
-// has eight words. The arrays x, y and index of the candidates have the same layout. Candidates
-// outside the radius get no key.
+// The candidates of a query lie in a few runs of neighbouring columns (NearRun). Each query has
+// other candidates, only some dozens, which are too few to share rows as above. Lanes have 32 bits
+// here. A vector holds word w of one descriptor per lane; a descriptor has eight words. The arrays
+// x, y and index of the candidates have the same layout. Candidates outside the radius get no key.
 //
-//   key   distance << kNearIndexBits | index in the frame. The smaller key has the nearer candidate
-//         or, at equal distances, the lower index. The order of the candidates does not matter.
+//   key   distance << kNearIndexBits | index in the frame. Of two keys, the smaller belongs to the
+//         nearer candidate or, at equal distances, to the candidate with the lower index. The
+//         order of the candidates does not matter.
 
 constexpr int kDescriptorWords = kDescriptorBytes / 4;
 constexpr int kNearIndexBits = 22;
@@ -99,8 +103,9 @@ struct NearQuery {
   int run_count;
 };
 
-/// The best two keys among the candidates with (x_i - x)^2 + (y_i - y)^2 <= squared_radius. Each
-/// operation of this test is rounded to single precision, so that all kernels agree.
+/// The best two keys among the candidates within the search circle. Candidate i is inside if
+/// (x_i - x)^2 + (y_i - y)^2 <= squared_radius, where (x, y) is the centre. Each operation of this
+/// test is rounded to single precision, so that all kernels agree.
 struct NearKeys {
   std::int32_t best;
   std::int32_t second;
@@ -128,9 +133,9 @@ struct KnnKernel {
   Search search_both_ways;
 };
 
-/// The kernel in plain C++, which is the reference for the other kernels.
+/// Returns the kernel in plain C++, which is the reference for the other kernels.
 const KnnKernel& portableKnnKernel();
-/// The fastest kernel that this build and this processor support.
+/// Returns the fastest kernel that this build and this processor support.
 const KnnKernel& bestKnnKernel();
 
 }  // namespace ktgp_orb::knn

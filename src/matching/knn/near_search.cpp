@@ -21,18 +21,18 @@ namespace {
 using util::ceilDivide;
 using util::ThreadPool;
 
-// Maximum number of runs of a query. Each row of cells has one run, and a query touches fewer rows
-// than this, even if rounding adds a row.
+// Maximum number of runs of a query. Each row of cells gives at most one run, and a query touches
+// fewer rows than this, even if rounding adds a row.
 constexpr std::size_t kMaxRuns = 8;
 
-constexpr int kQueriesPerChunk = 64;  // number of queries per task of a thread
-// Ratio of the radius to the side of a cell. Smaller cells give fewer useless candidates, but
+constexpr int kQueriesPerChunk = 64;  // number of queries that a thread takes at a time
+// Search radius divided by the side of a cell. Smaller cells give fewer useless candidates, but
 // larger cells give longer runs.
 constexpr double kCellsPerRadius = 2;
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
 
-/// Inverts the prediction: returns the homography from target to reference, with positive depth for
-/// the part of the target that shows the plane.
+/// Inverts the prediction: returns the homography from target to reference. Its sign is chosen so
+/// that the third coordinate of a mapped point is positive where the target shows the plane.
 Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction) {
   const Eigen::Matrix3d inverse = prediction.inverse();
   if (!prediction.allFinite() || !inverse.allFinite()) {
@@ -91,8 +91,8 @@ NearKeys NearTable::search(const KnnKernel& kernel, const std::uint8_t* descript
   cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
     if (begin == end) return;
     if (run_count == kMaxRuns) {
-      // Extends the run over the gap; the kernel excludes the candidates in the gap, which are too
-      // far.
+      // There is no room for another run, so the last run is extended over the gap. The kernel
+      // excludes the candidates in the gap, because they are too far from the query.
       runs.back().end = end;
     } else {
       runs[run_count++] = {begin, end};

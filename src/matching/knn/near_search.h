@@ -22,9 +22,9 @@ void requireCountable(const Features& features, const std::string& name);
 
 constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
 
-/// The candidates of the search near predicted positions, in the layout of the kernels. Descriptors
-/// are sorted by position, so that the candidates of a query form only a few runs. Keeps its
-/// buffers.
+/// The candidates of the search near predicted positions, in the layout of the kernels. They are
+/// sorted by position, so that the candidates of a query form only a few runs. Keeps its buffers
+/// from call to call.
 class NearTable {
  public:
   /// `place(i)`: position of keypoint i, px; a keypoint whose position is not finite is never near.
@@ -42,7 +42,7 @@ class NearTable {
   }
   std::size_t size() const { return position_.size(); }
 
-  /// The best two candidates within `radius` px of `place` for the query with this `number`.
+  /// Returns the best two candidates within `radius` px of `place`. `number`: number of the query.
   /// `nearest_queries` is null, or has columns() keys, which are initially kNoNearKey (see
   /// KnnKernel).
   NearKeys search(const KnnKernel& kernel, const std::uint8_t* descriptor, const cv::Point2f& place,
@@ -66,7 +66,7 @@ class NearTable {
   std::vector<std::int32_t> position_;  // the column of each keypoint
 };
 
-/// The search of KnnMatcher::matchNear with a given kernel, so that tests and benchmarks can try
+/// Implements KnnMatcher::matchNear() with a given kernel, so that tests and benchmarks can try
 /// each kernel. Both reference and target are sorted into cells. So the candidates of a query form
 /// few runs, and are still in the cache from the previous query.
 class NearSearch {

@@ -20,8 +20,8 @@ std::size_t filterByRatio(double threshold, std::vector<Correspondence>& corresp
   std::size_t kept = 0;
   for (Correspondence& c : correspondences) {
     if (mutual && !c.mutual) continue;
-    // Compare the quotient W with T_w. The test d1 < T_w * d2 could give another result if W = T_w,
-    // because its product is rounded differently.
+    // Compare the ratio of the distances, d1 / d2, with the threshold. The test d1 < threshold * d2
+    // could give another result if the two are equal, because its product is rounded differently.
     if (c.level != Level::knn || c.ratio() >= threshold) continue;
     c.level = Level::kt;
     ++kept;

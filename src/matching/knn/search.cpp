@@ -10,8 +10,9 @@
 namespace ktgp_orb::knn {
 namespace {
 
-// Number of queries per task of a thread. It is large enough that a block is read from the cache
-// many times, and small enough that a frame can be divided evenly among the threads.
+// Number of queries that a thread takes at a time. It is large enough that a block of candidates,
+// once in the cache, is used many times, and small enough that the work of a frame can be divided
+// evenly among the threads.
 constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 

@@ -10,7 +10,8 @@
 
 namespace ktgp_orb::knn {
 
-/// The search of KnnMatcher with a given kernel, so that tests and benchmarks can try each kernel.
+/// Implements KnnMatcher::match() with a given kernel, so that tests and benchmarks can try each
+/// kernel.
 class KnnSearch {
  public:
   KnnSearch(const KnnKernel& kernel, int threads);
