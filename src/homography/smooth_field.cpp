@@ -34,8 +34,8 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  // Correlation length l of the field, as a share of the image diagonal; method.md describes the
-  // measurement.
+  // Correlation length l of the field, as a share of the image diagonal; doc/method.md describes
+  // the field, and doc/measurements/covariance.md how well its covariance holds.
   constexpr double kLength = 0.6;
   // With fewer pairs, the fit of H's eight entries removes nearly all errors. Then nothing is left
   // from which the field could be estimated.
