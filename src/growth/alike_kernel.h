@@ -5,7 +5,7 @@
 
 namespace ktgp_orb::growth {
 
-/// The kernels may read this number of entries past the last keypoint.
+/// The kernels may read up to this many entries past the last keypoint of a column.
 constexpr std::size_t kReadBeyond = 8;
 
 /// Position, direction (a vector of length 1) and size of a keypoint. The struct is defined here
@@ -37,7 +37,7 @@ struct AlikeKernel {
                       std::uint32_t* alike, bool& is_near);
 };
 
-/// The kernel in plain C++, which is the reference for the other kernels.
+/// The kernel in plain C++. The results of the other kernels must equal its results.
 const AlikeKernel& portableAlikeKernel();
 /// The fastest kernel that this build and this processor support.
 const AlikeKernel& bestAlikeKernel();

@@ -31,8 +31,9 @@ struct GrowthPlan {
   int last_rounds;
   std::size_t fewest_pairs;  ///< minimum number of pairs that a round must find
   /// Round 0 must find `first_exact` pairs with an error below the last radius, each further round
-  /// `more_exact` pairs more, up to `most_exact`. A right seed finds several times as many. Wrong
-  /// seeds take nearly all of the time, but seldom find enough pairs in two rounds.
+  /// `more_exact` pairs more, up to `most_exact`. A right seed finds several times as many. Nearly
+  /// all of the time goes into wrong seeds, so it matters that they seldom find enough pairs in two
+  /// rounds.
   std::size_t first_exact, more_exact, most_exact;
 };
 
@@ -53,14 +54,14 @@ class Grower {
   static constexpr float kLastRadius = 4.F;  ///< px
   static constexpr double kEverywhere = std::numeric_limits<float>::max();
 
-  /// Returns false if a round finds too few matches. `map`: the initial guess, which is replaced by
-  /// the result.
+  /// Grows from the seed at `centre`, px of the reference. Returns false if a round finds too few
+  /// matches. `map`: the initial guess, which is replaced by the result.
   bool grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
             Eigen::Matrix3d& map);
 
-  /// Runs only the last rounds, for a homography that was not grown. These rounds match in the
-  /// whole image and fit the homography again; the first search has the given `radius`, px.
-  /// `centre`: a point of the reference near which the homography is right.
+  /// The last rounds of grow(). Call it directly for a homography that was not grown. Matches in
+  /// the whole image and fits the homography again, first with the search radius `radius`, px, then
+  /// with smaller radii. `centre`: a point of the reference near which the homography is right.
   bool settle(const Eigen::Vector2d& centre, float radius, ReferenceFrames& reference,
               LocalMatcher& matcher, Eigen::Matrix3d& map);
 
@@ -86,9 +87,9 @@ class Grower {
   PointPairs pairs_;
 };
 
-/// Fits a homography, or an affine map if the pairs do not determine a homography. The weights of
-/// the pairs follow from their errors under the old `map`, relative to `radius` px. Returns false,
-/// with `map` unchanged, if the pairs do not even determine an affine map.
+/// Fits a homography, or an affine map if the pairs do not determine a homography. A pair weighs
+/// less if its error under the old `map` is large compared with `radius`, px. Returns false, with
+/// `map` unchanged, if the pairs do not even determine an affine map.
 bool refit(const PointPairs& pairs, float radius, Eigen::Matrix3d& map);
 
 }  // namespace ktgp_orb::growth

@@ -101,8 +101,10 @@ struct HomographyGrowth::Impl {
   homography::HomographyVerdict whole_view;
   // Buffer of whole_view.trusts(): labels (inlier or not) of the pairs of the chosen homography.
   ProsacResult labelled;
-  cv::Size image_size;       // size of the reference
-  std::size_t own_size = 0;  // number of keypoints of the reference, without its views
+  cv::Size image_size;  // size of the reference
+  // Number of keypoints of the reference image itself; keypoints of its simulated views are not
+  // counted
+  std::size_t own_size = 0;
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
@@ -164,7 +166,8 @@ void HomographyGrowth::Impl::collectSeeds() {
 /// First guess of the map from reference to target. It is the affine map that fits the seed and its
 /// voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
-  // px; sets the weight of the seed's own rotation and scale, see fitAffineNear.
+  // Parameter `reach` of fitAffineNear(), px: determines how much the seed's own rotation and scale
+  // count.
   constexpr double kReach = 30.0;
   const View& view = views[static_cast<std::size_t>(seed.view)];
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
@@ -252,9 +255,9 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Shifts the best hypothesis by each repetition of the scene and grows the results. Then does the
-/// same with the new best hypothesis, at most three times in all. Ends early if the repetitions of
-/// the best hypothesis were already tried.
+/// Shifts the best hypothesis by each displacement with which the scene repeats itself (see
+/// Verdict::repeats), and grows the results. Then does the same with the new best hypothesis, at
+/// most three times in all. Ends early if this was already done for the best hypothesis.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -274,8 +277,8 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
 }
 
 /// Shifts the best hypothesis by each shift that nearest neighbours in the whole image vote for
-/// (see ShiftVotes), and grows it again. This is needed because a wrong shift has as many matches
-/// as the right shift, or more if its overlap is larger.
+/// (see ShiftVotes), and grows it again. This is needed because, in a repetitive scene, a wrong
+/// shift has as many matches as the right shift, or more if the images then overlap more.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
@@ -348,7 +351,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  // Keypoints with the numbers from own_size on belong to simulated views.
+  // Keypoints numbered own_size or higher belong to simulated views.
   const auto own = static_cast<std::int32_t>(own_size);
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;

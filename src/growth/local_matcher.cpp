@@ -6,7 +6,7 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// The inner loop of match() in plain C++. It is the reference for the vector kernels.
+/// The inner loop of match() in plain C++. The vector kernels must give the same results.
 std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
                       std::uint32_t end, const LocalFrame& predicted, float squared_radius,
                       std::uint32_t* alike, bool& is_near) {

@@ -42,9 +42,10 @@ class LocalMatcher {
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
-  /// Calls visit(dx, dy, descriptor) for each target keypoint in the square of half side `radius`
-  /// around `wanted` whose direction and size are similar to `wanted`, as in match(). dx, dy:
-  /// offset of the keypoint from `wanted`, px.
+  /// Calls visit(dx, dy, descriptor) for each target keypoint near `wanted` whose direction and
+  /// size are similar to `wanted`, as in match(). dx, dy: offset of the keypoint from `wanted`, px.
+  /// Visits all keypoints with |dx| and |dy| up to `radius`, and a few that are up to a cell
+  /// (kCell) farther away.
   template <typename Visit>
   void visitAlike(const LocalFrame& wanted, float radius, Visit visit) const {
     cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
@@ -84,7 +85,8 @@ class LocalMatcher {
   std::size_t pitch_ = 0;  // distance from one column to the next, in floats
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;  // index in frames_ of each target keypoint
-  // For each entry of frames_, the key of the prediction with the most similar descriptor.
+  // For each entry of frames_, the key (distance and number, see key()) of the prediction with the
+  // most similar descriptor.
   std::vector<std::int64_t> best_reference_;
   std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;

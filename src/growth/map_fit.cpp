@@ -15,8 +15,8 @@ using homography::Normalisation;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// Transform that moves the centroid of the places to zero and makes their mean distance from zero
-/// 1.
+/// The transform that moves the centroid of the places to zero and scales their mean distance from
+/// zero to 1.
 Normalisation scalingOf(const Places& places) {
   Normalisation s;
   s.centre = middleOf(places);
@@ -34,15 +34,16 @@ double weightOf(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double s
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Adds the equation `row` h = `value` to the normal equations. This is done column by column,
-/// because Eigen products of these sizes take long to compile.
+/// Adds the equation `row` * h = `value` to the normal equations, where h has the eight unknown
+/// entries of the homography. This is done column by column, because Eigen products of these sizes
+/// take long to compile.
 void add(const Vector8& row, double value, double weight, Matrix8& sums, Vector8& products) {
   const Vector8 weighted = weight * row;
   for (int i = 0; i < 8; ++i) sums.col(i) += row[i] * weighted;
   products += value * weighted;
 }
 
-/// Whether the map keeps the orientation and all places are on the visible side of its horizon.
+/// Returns true if the map does not mirror, and all places are on the visible side of its horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const Eigen::Vector2d& place) {
@@ -60,7 +61,7 @@ Eigen::Vector2d middleOf(const Places& places) {
 }
 
 bool fitAffine(const Places& reference, const Places& target, double scale, Eigen::Matrix3d& map) {
-  constexpr double kTooFlat = 1e-3;  // lower limit for pivots of the points' second moments
+  constexpr double kTooFlat = 1e-3;  // if a pivot of `sums` is smaller, the points lie on a line
   const Normalisation from = scalingOf(reference);
   Eigen::Matrix3d sums = Eigen::Matrix3d::Zero();
   Eigen::Matrix<double, 3, 2> products = Eigen::Matrix<double, 3, 2>::Zero();
@@ -82,7 +83,8 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map) {
-  constexpr double kTooFlat = 1e-4;  // lower limit for pivots of the normal equations
+  // If a pivot of `sums` is smaller, the pairs do not determine the homography.
+  constexpr double kTooFlat = 1e-4;
   const Normalisation from = scalingOf(reference);
   const Normalisation to = scalingOf(target);
   Matrix8 sums = Matrix8::Zero();

@@ -18,9 +18,9 @@ bool fitAffine(const Places& reference, const Places& target, double scale, Eige
 bool fitHomography(const Places& reference, const Places& target, double scale,
                    Eigen::Matrix3d& map);
 
-/// Least-squares fit of an affine map that maps `from` exactly to `to`. `prior`, the prior for the
-/// linear part, weighs as much as two pairs that agree with it, one `reach` px from `from` along
-/// each axis. So two or three pairs are enough, even if they lie on a line.
+/// Least-squares fit of an affine map that maps `from` exactly to `to`. `prior` is a guess at the
+/// linear part. It counts as much as two pairs that agree with it exactly and lie `reach` px from
+/// `from`, one along each axis. So two or three pairs are enough, even if they lie on a line.
 Eigen::Matrix3d fitAffineNear(const Places& reference, const Places& target,
                               const Eigen::Vector2d& from, const Eigen::Vector2d& to,
                               const Eigen::Matrix2d& prior, double reach);

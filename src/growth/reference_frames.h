@@ -46,7 +46,7 @@ class ReferenceFrames {
   bool chooseViews(const Eigen::Matrix2d& jacobian);
 
   std::vector<View> views_;
-  std::vector<double> squeeze_;  // tilt of the map from each view to the target
+  std::vector<double> squeeze_;  // tilt of the map from each view to the target, see squeezeOf()
   std::vector<std::uint8_t> chosen_;
   std::vector<std::uint16_t> view_of_;  // index of the view of each keypoint
   std::vector<LocalFrame> frames_;

@@ -207,9 +207,9 @@ void Verdict::include(const Decoy& decoy) {
 }
 
 /// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
-/// matches that are not due to chance. Here their counts are limited to kBeyond more than the
-/// largest count of the other decoys. The homography must nevertheless be well above the best decoy
-/// (kAboveLargest).
+/// matches that are not due to chance. So the counts of the kRepeats best decoys are limited to
+/// kBeyond more than the largest count of the other decoys. The homography must nevertheless be
+/// well above the best decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   constexpr std::size_t kRepeats = kDecoys / 12;  // number of decoys whose shift may be a period
   // Number of matches by which a decoy may exceed the other decoys by chance.
@@ -242,7 +242,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
-  constexpr double kDeviations = 2.0;  // limit of the difference, in standard deviations
+  constexpr double kDeviations = 2.0;  // in standard deviations; a larger difference is significant
   constexpr double kElsewhere = 10.0;  // px; a match with a larger reprojection error contradicts
   // The rival contradicts only if more than 1 / kShare of its matches contradict `grown`.
   constexpr std::size_t kShare = 4;

@@ -22,12 +22,13 @@ namespace ktgp_orb::growth {
 double logChance(double count, double mean, double spread);
 
 struct Judgement {
-  /// Number of cells with matches within the largest limits of distance and error.
+  /// Number of cells (12x12 px) with matches within the largest limits of Hamming distance and
+  /// error.
   std::size_t matched = 0;
-  /// Number of cells with matches at the most significant level: the limits of distance and error
-  /// with the fewest expected false alarms.
+  /// Number of cells with matches at the most significant level, which is the combination of a
+  /// limit of the distance and a limit of the error with the fewest expected false alarms.
   std::size_t support = 0;
-  double by_chance = 0.0;  ///< part of the support that is expected by chance
+  double by_chance = 0.0;  ///< the support that chance alone is expected to give
   double log_false_alarms =
       0.0;  ///< log10 of the expected number of homographies that are as good by chance
 };
@@ -40,15 +41,16 @@ struct Judgement {
 /// target keypoint), so the density of the target's keypoints does not matter. Matches count once
 /// per 12x12 px in either image.
 ///
-/// In a repetitive scene another shift may fit as well. So shifts that are frequent between similar
-/// keypoints are tried, too, and the homography must have clearly more matches than each of these
-/// shifts.
+/// In a repetitive scene another shift may fit as well. So the homography is also shifted by the
+/// displacements that are frequent between similar keypoints, and it must have clearly more matches
+/// than each of these shifted copies.
 ///
-/// The homography was fitted to the matches, but the decoys were not. Any four pairs determine a
-/// homography that these four pairs support. The four pairs may come from the M pairs within the
-/// first radius. Since the homography changed from round to round, they may also come from M other
-/// pairs in each of the ten rounds. So the number of false alarms, with s seeds and twelve levels
-/// (combinations of a limit of the Hamming distance and a limit of the error), is
+/// The homography was fitted to the matches, but the decoys were not: any four pairs determine a
+/// homography, and then support it. The first round chooses among M pairs (all pairs of similar
+/// keypoints within the first radius). Since the homography changes from round to round, the four
+/// pairs may come from M other pairs in each of the ten rounds, so there are C(10 M, 4) ways to
+/// choose them. With s seeds, n matches of the homography and twelve levels (combinations of a
+/// limit of the Hamming distance and a limit of the error), the number of false alarms is
 ///
 ///   NFA = 12 s C(10 M, 4) P(at least n - 4 by chance)
 class Verdict {
@@ -63,8 +65,9 @@ class Verdict {
                   float first_radius, int seeds, LocalMatcher& matcher,
                   float longest_period = std::numeric_limits<float>::max());
 
-  /// The repetitions of the scene, px, that judge() found last. They belong to the last homography
-  /// only if it had clearly more matches than the decoys.
+  /// The displacements, px of the target, with which the scene repeats itself, from the last call
+  /// of judge() that looked for them. judge() looks for them only if the homography has clearly
+  /// more matches than the decoys.
   const std::vector<cv::Point2f>& repeats() const { return repeats_; }
 
  private:
@@ -119,7 +122,8 @@ struct Grown {
   std::vector<LocalMatch> matches;
   PointPairs pairs;                  // point pairs of `matches`
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
-  bool grew_from_repeats = false;    // whether this homography was grown again from its repetitions
+  // Whether growFromRepeats() has already tried the `repeats` of this homography.
+  bool grew_from_repeats = false;
 };
 
 /// A facade also fits itself if it is shifted by one window, and a rose window if it is rotated by

@@ -115,7 +115,7 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
 /// long side lies along the rows; they are then hardly larger than the image. Views may be rotated,
 /// since descriptors do not depend on the rotation.
 bool isLong(const cv::Size& size) {
-  // Above this ratio, the square is more than three times as large as the image.
+  // Above this ratio, the square has more than three times as many pixels as the image.
   constexpr int kRatio = 4;
   return std::max(size.width, size.height) > kRatio * std::min(size.width, size.height);
 }

@@ -50,8 +50,8 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground) {
   CameraPose pose;
   pose.axes = (svd.matrixU() * svd.matrixV().transpose()).transpose();
   pose.position = -(pose.axes * m.col(2));
-  // A negative height means that the homography's unknown factor is negative. Without this sign,
-  // the height and the first two rows of `axes` are negated.
+  // A negative height means that the homography's unknown factor is negative. Reversing its sign
+  // negates the height and the first two rows of `axes`.
   if (pose.position.z() < 0.0) {
     pose.axes.topRows<2>() *= -1.0;
     pose.position.z() *= -1.0;

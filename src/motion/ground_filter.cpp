@@ -17,10 +17,10 @@ using util::whiteningOf;
 namespace {
 
 /// The problem for estimation::RobustFit: find the pose for which imageFromGround(pose) * map is
-/// nearest to the seen homography, in units of the standard deviations of the entries.
+/// nearest to the measured homography, in units of the standard deviations of the entries.
 struct PoseProblem {
   using State = CameraPose;
-  Vector8 seen;  // entries of the seen homography
+  Vector8 seen;  // entries of the measured homography
   SmallMatrix whitening;
   Eigen::Matrix3d map;
 
@@ -76,7 +76,8 @@ void GroundFilter::setReadout(double seconds) {
 /// 1/30 s, since nearly every camera takes 30 images a second.
 void GroundFilter::allowReadout(double seconds) {
   constexpr double kLongest = 1.0 / 30.0;  // s
-  constexpr double kUniform = 3.0;         // r² / variance of a uniform distribution over [-r, r]
+  // r² divided by the variance of a uniform distribution over [-r, r]
+  constexpr double kUniform = 3.0;
   const double longest = std::min(seconds, kLongest);
   if (is_known_ || !(longest > allowed_)) return;
   covariance_(kReadout, kReadout) += (longest * longest - allowed_ * allowed_) / kUniform;
@@ -321,7 +322,8 @@ std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motio
       // Jacobian of the entries of h with respect to a step of the keyframe's pose.
       -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));
   const Matrix6 follows =
-      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // Jacobian of the pose
+      // Jacobian of the newest pose with respect to a step of the keyframe's pose.
+      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;
   SeenTurn seen{keyframe->axes.transpose() * pose->axes, covariance.bottomRightCorner<3, 3>()};
   seen.by_tilt = follows.bottomRightCorner<3, 3>() - seen.rotation.transpose();
   return seen;
@@ -401,7 +403,7 @@ void GroundFilter::widen(double scale_variance, double tilt_variance) {
   for (const int axis : {0, 1}) add(std::sqrt(tilt_variance) * Eigen::Vector3d::Unit(axis), 0.0);
 }
 
-/// Subtracts the estimated error from the state. The tilt and the scale of the ground are far less
+/// Adds the correction `error` to the state. The tilt and the scale of the ground are far less
 /// certain than the relative poses of the frames, in the first frames by a factor of a thousand. A
 /// correction of tilt and scale is often too large for a first-order step, so it is applied
 /// exactly. Only the rest of the correction is added to first order.

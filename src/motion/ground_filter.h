@@ -73,8 +73,8 @@ class GroundFilter {
   /// the homography is enlarged. If no pose fits, nothing changes and the result is empty.
   std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// The rotation since the keyframe, computed from `motion` and the ground plane of the map,
-  /// without a TurnReading. Empty if no pose fits.
+  /// The rotation since the keyframe, computed from `motion` and the ground plane of the map;
+  /// TurnReadings are not used. Empty if no pose fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects the state with a linearised reading, `rows`. `of_kind`: estimates the noise of this

@@ -93,10 +93,10 @@ struct GroundMotion::Impl {
   // Decaying sum of (turn that the gyroscope reads) * (turn that the images show), rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
-  // angular velocity of the newest TurnReading, rad/s
+  // Angular velocity of the newest TurnReading, rad/s.
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();
   int contradictions = 0;  // number of successive refused frames
-  // pose given to setPose(), to which the base is still to be moved
+  // The pose that setPose() asked for; empty once the base was moved there.
   std::optional<Pose3> destination;
   Covariance6 destination_covariance = Covariance6::Zero();
 };
@@ -147,7 +147,7 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  // the last velocity was computed with a wrong duration
+  // The last velocity was computed with a wrong duration.
   if (place.was_one_ahead) velocity.interrupt();
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;

@@ -54,10 +54,11 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
-  /// Adds a residual, in units of the given deviation, to the estimate of the noise of normals.
-  /// Drivers state covariances that are too small, so this noise is estimated from the differences
-  /// of successive residuals (von Neumann, 1941), in which a constant error cancels. The smallest
-  /// of the last three differences is used, since an outlier makes two large differences.
+  /// Adds a residual, in units of the given deviation, to the estimate of the noise of
+  /// DownReadings. Drivers state covariances that are too small, so this noise is estimated from
+  /// the differences of successive residuals (von Neumann, 1941), in which a constant error
+  /// cancels. The smallest of the last three differences is used, since an outlier makes two large
+  /// differences.
   void addResidual(const Eigen::Vector3d& newest) {
     constexpr double kMeasurements = 30.0;
     constexpr double kUsual = 1.48;  // mean of the smallest squared difference if the variance is 1
@@ -66,8 +67,8 @@ struct Innovations {
     steps = {step, steps[0]};
     residual = newest;
   }
-  /// Standard deviation of the normals that follows from their scatter, as a multiple of the given
-  /// deviation. A scatter beyond kMost is an error of the sensor, not noise.
+  /// Standard deviation of the DownReadings, computed from their scatter, as a multiple of the
+  /// given deviation. A scatter beyond kMost is an error of the sensor, not noise.
   double spread() const {
     constexpr double kMost = 10.0;
     return std::clamp(std::sqrt(scatter), 1.0, kMost);
@@ -89,12 +90,12 @@ struct Innovations {
 /// the readings of height and normal are relative to the mean ground.
 class Relief {
  public:
-  /// Adds one picture. `deviation`: UncertainHomography::plane_deviation over the focal length.
-  /// `parallax`: horizontal distance from the keyframe over the height of the camera.
+  /// Adds one picture. `deviation`: UncertainHomography::plane_deviation divided by the focal
+  /// length. `parallax`: horizontal distance from the keyframe divided by the height of the camera.
   void add(double deviation, double parallax);
   bool isSeen() const;
-  /// Over relief, enlarges the deviation of a reading, because the seen plane is not the mean
-  /// ground.
+  /// Over relief, enlarges the deviation of a reading, because the plane that is fitted to a
+  /// picture is not the mean ground.
   HeightReading widened(HeightReading reading) const;
   DownReading widened(DownReading reading) const;
 

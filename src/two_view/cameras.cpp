@@ -18,7 +18,7 @@ namespace {
 void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& whose) {
   const std::string name = "the K of the " + whose + " camera";
   util::requireK(name, k, size);
-  constexpr double kMostRatio = 4.0;  // ratio of the sides of a pixel
+  constexpr double kMostRatio = 4.0;  // largest ratio of the sides of a pixel
   util::requireInRange("fx / fy of " + name, k(0, 0) / k(1, 1), 1.0 / kMostRatio, kMostRatio);
   util::requirePrincipalPoint(name, k, size);
 }
@@ -127,7 +127,7 @@ namespace ktgp_orb {
 
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points) {
-  constexpr double kClear = 2.0;  // least parallax, in scales of the errors; less may be noise
+  constexpr double kClear = 2.0;  // minimum parallax, as a multiple of `scale`; less may be noise
   constexpr double kLeastScale = 0.05;  // px
   points.clear();
   const std::optional<two_view::Cameras> cameras = two_view::camerasOf(input);
@@ -143,8 +143,9 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (geometry.mask[i] == 0) continue;
     if (homography::errorOf(far, pairs.reference[i], pairs.target[i]) < kClear * scale) continue;
-    // The target point is K' (R q + z t), where z is the inverse depth. Multiplying by its third
-    // coordinate makes the equations linear in z.
+    // In homogeneous coordinates, the target point is K' (R q + z t), where K' is the K of the
+    // target camera, R and t are the motion, q is the ray of the reference point, and z is the
+    // inverse depth. Multiplying by the third coordinate makes the equations linear in z.
     const Eigen::Vector3d q = cameras->referenceRay(pairs.reference[i]);
     const Eigen::Vector3d a = cameras->target * turn * q;
     const Eigen::Vector3d b = cameras->target * t;

@@ -10,7 +10,7 @@
 
 namespace ktgp_orb::two_view {
 
-/// K of both cameras, px.
+/// The camera matrices K of both cameras, px, and their inverses.
 struct Cameras {
   Eigen::Matrix3d reference;
   Eigen::Matrix3d target;
@@ -36,13 +36,14 @@ struct Cameras {
     return target_inverse.transpose() * crossed(motion.translation) * motion.rotation *
            reference_inverse;
   }
-  /// Whether the point of a pair is in front of both cameras, or so far away that its rays are
-  /// parallel within `max_error`, px.
+  /// Returns true if the scene point of a pair is in front of both cameras, or so far away that its
+  /// rays are parallel within `max_error`, px.
   bool seeInFront(const RelativePose& motion, const Eigen::Vector2d& reference,
                   const Eigen::Vector2d& target, double max_error) const;
 };
 
-/// Whether the result contains a motion. If the geometry is a rotation, the translation is zero.
+/// Returns true if the result contains a motion. If the geometry is a rotation, the translation is
+/// zero.
 inline bool hasPose(const TwoView& view) {
   return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
 }
@@ -50,9 +51,11 @@ inline bool hasPose(const TwoView& view) {
 /// The cameras of `input`; empty if K is not given. Throws like TwoViewEstimator::estimate.
 std::optional<Cameras> camerasOf(const TwoViewInput& input);
 
-/// Distance of the target point from the epipolar line of the reference point, px.
+/// Distance of the target point `u` from the epipolar line of the reference point `x`, px. `f`:
+/// fundamental matrix for positions in px.
 double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
-/// Sampson distance, px.
+/// Sampson distance of the pair (x, u), px: about how far its two points together are from
+/// positions that agree with `f` exactly.
 double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
 
 /// Limit of the Sampson distance, as a share of the limit of the reprojection error.
@@ -63,12 +66,13 @@ constexpr double kSampsonShare = 0.5;
 void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, double max_error,
            TwoView& view);
 
-/// Median angle between the rays of the inliers, degrees. `angles`: buffer.
+/// Median, over the inliers, of the angle between the two rays of a pair, degrees. `angles`:
+/// buffer.
 double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView& view,
                   std::vector<double>& angles);
 
 /// Pose covariance from `of_step`, the covariance of small rotations and of changes of the
-/// translation in the two directions orthogonal to `translation`.
+/// translation in the two directions orthogonal to it (see across()).
 Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step,
                            const Eigen::Vector3d& translation);
 

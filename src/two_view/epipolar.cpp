@@ -13,9 +13,9 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-/// Sampson distance of a pair: C / n with C = x'^T F x, where n is the norm of C's gradient with
-/// respect to the four coordinates. `a`, `b`: derivatives of C with respect to the target and the
-/// reference point.
+/// Sampson distance of a pair (reference point x, target point x'): C / n with C = x'^T F x, where
+/// n is the norm of C's gradient with respect to the four coordinates. `a`, `b`: derivatives of C
+/// with respect to the target and the reference point.
 template <typename Value>
 struct Sampson {
   Value a0, a1, b0, b1;
@@ -179,7 +179,8 @@ double EpipolarPairs::distance(const Epipolar& g, std::size_t i) const {
 }
 
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
-  constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two tests against `give_up`
+  // After each block of so many pairs, the cost is compared with `give_up`.
+  constexpr std::size_t kBlock = 8 * Points::kLanes;
   const Points& points = pairs.scoring;
   const Eigen::Matrix3f f = model.matrix.cast<float>();
   const auto limit2 = static_cast<float>(pairs.limit * pairs.limit);
@@ -201,8 +202,9 @@ float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
   return cost;
 }
 
-/// With cameras, all points of the sample must be in front of both cameras. Without cameras, all
-/// epipolar lines must have the same orientation (Chum, Werner & Matas, ICPR 2004).
+/// Sets models_ to the geometries that the sample allows. With cameras, all points of the sample
+/// must be in front of both cameras. Without cameras, all epipolar lines must have the same
+/// orientation (Chum, Werner & Matas, ICPR 2004).
 void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   models_.clear();
   Eigen::Matrix<double, 3, 7> reference;
@@ -239,7 +241,8 @@ std::size_t EpipolarProblem::findInliers(const Epipolar& model,
   return markNear(*pairs_, model, pairs_->limit, inlier);
 }
 
-/// Derivative of the distance with respect to F: (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
+/// With the symbols of Sampson, the derivative of the distance with respect to F is (x' x^T - q (a
+/// x^T + x' b^T)) / n, where q = C / n².
 double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                                 Eigen::Vector2d* by_target) const {
   const double x[3] = {points.x[i], points.y[i], 1.0};
@@ -297,9 +300,9 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
   sums.gradient = tangent.transpose() * Eigen::Map<const Vector9>(gradient);
 }
 
-/// Selects pairs near the geometry. Leaves out points behind a camera, because a wrong pair near
-/// its epipolar line has a large parallax and much influence. Keeps rays that are parallel within
-/// errors.
+/// Selects the pairs with an error below `reach`, at most `most`. Leaves out a pair whose point is
+/// behind a camera: it is wrong, and a wrong pair near its epipolar line has a large parallax and
+/// thus much influence on the fit. Keeps a pair whose rays are parallel within their errors.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
   constexpr double kBehind = 3.0;  // deviations
   const EpipolarPairs& pairs = *problem_.pairs;
@@ -397,7 +400,9 @@ estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double
     const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
     const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
     clusters_.add(cell_[i], pull * e);
-    // Each of the six shared errors shifts the target point along one axis, by 1, u or v.
+    // All target points share an error that is an affine function of the position (u, v). It has
+    // six terms: along each of the two image axes, a constant shift, one in proportion to u, and
+    // one in proportion to v (u and v are normalised to about 1).
     const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
     by_shared.leftCols<3>() += pull * (by_target.x() * linear);
     by_shared.rightCols<3>() += pull * (by_target.y() * linear);

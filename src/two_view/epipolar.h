@@ -16,9 +16,10 @@
 
 namespace ktgp_orb::two_view {
 
-/// The epipolar geometry of two images, with x'^T F x = 0 between normalised coordinates. With
-/// known cameras, the parameters describe the motion (five degrees of freedom). Without cameras,
-/// they describe the factors of F = U diag(1, s, 0) V^T (seven degrees of freedom).
+/// The epipolar geometry of two images: x'^T F x = 0 for the reference point x and the target point
+/// x' of a pair, in normalised coordinates. With known cameras, the parameters describe the motion
+/// (five degrees of freedom). Without cameras, they describe the factors of F = U diag(1, s, 0) V^T
+/// (seven degrees of freedom).
 struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
   RelativePose motion;                               ///< the motion; only with cameras
@@ -58,26 +59,27 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Matrix3d inPixels(const Epipolar& geometry) const;
 
   /// Jacobian of F's entries, row by row, with respect to the parameters. With cameras: rotations
-  /// about the target camera's axes, then two directions orthogonal to t. Without cameras:
-  /// rotations of U and V, then s.
+  /// about the target camera's axes (3), then changes of the translation t in two directions
+  /// orthogonal to it (2). Without cameras: rotations of U (3) and V (3), then s.
   using Tangent = Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, 7>;
   Tangent tangent(const Epipolar& geometry) const;
   Epipolar moved(const Epipolar& geometry, const estimation::Step& step) const;
 
   /// Error of a pair with respect to the motion, normalised units. If the point is in front of both
-  /// cameras, this is the Sampson distance. If not, the nearest possible point is at infinity; the
-  /// target point's distance from its image is divided by sqrt(2), because both images have errors.
+  /// cameras, this is the Sampson distance. If not, the scene point that fits best is at infinity;
+  /// then this is the distance of the target point from the image of that point, divided by sqrt(2)
+  /// because both images have errors.
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
-  /// F between normalised coordinates.
+  /// F between normalised coordinates, from an essential matrix.
   Eigen::Matrix3d fundamentalOf(const Eigen::Matrix3d& essential) const {
     return target_ray_.transpose() * essential * reference_ray_;
   }
 
   bool calibrated_ = false;
   double focal_ = 1.0;
-  Eigen::Matrix3d reference_ray_;  // normalised -> ray
+  Eigen::Matrix3d reference_ray_;  // converts normalised coordinates to a ray
   Eigen::Matrix3d target_ray_;
 };
 
@@ -115,8 +117,8 @@ class EpipolarFit {
   /// Keeps a pointer to `pairs`, which must be sorted by quality, best first.
   void setPairs(const EpipolarPairs& pairs) { problem_.pairs = &pairs; }
 
-  /// Makes one step with the best pairs whose error is below `reach`. Returns false if there are no
-  /// more such pairs than in a sample, or if they do not determine the step.
+  /// Makes one step with the best pairs whose error is below `reach`. Returns false if there are
+  /// not more such pairs than a sample has, or if they do not determine the step.
   bool step(double reach, Epipolar& geometry);
 
   /// Fits to convergence, with all pairs whose error is below twice the limit, and estimates the

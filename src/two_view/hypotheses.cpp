@@ -114,7 +114,8 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;   // maximum number of fits
   constexpr float kMostCost = 2.0F;  // a start is only fitted below this multiple of the least cost
-  // Minimum scale / limit: 0.1 px, because smooth errors do not show in the residuals.
+  // Minimum of `scale_`, as a share of the limit (0.1 px for the default max_error). It is needed
+  // because smooth errors do not show in the residuals.
   constexpr double kLeastScale = 0.07;
   std::stable_sort(starts_.begin(), starts_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -137,8 +138,9 @@ void Hypotheses::refine() {
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   // If a single cell makes the whole difference, the other motion keeps a probability of 0.27.
   constexpr double kMostOfACell = 1.0;
-  constexpr double kIndifferent = 3.0;  // gain difference that noise of three deviations can cause
-  constexpr double kOnPlane = 4.5;      // deviations; noise alone exceeds this in 1 pair in 25 000
+  // Noise of three deviations can change the difference of the gains by this much.
+  constexpr double kIndifferent = 3.0;
+  constexpr double kOnPlane = 4.5;  // deviations; noise alone exceeds this in 1 pair in 25 000
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;

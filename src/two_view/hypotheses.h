@@ -18,14 +18,14 @@ struct Hypothesis {
 
 /// The motions that may explain the pairs, and their probabilities.
 ///
-/// Every start is refined by the same fit over all pairs. The likelihood of a pair is a mixture:
-/// Student's t distribution of its distance (EpipolarPairs::distance, which includes the chirality)
-/// for right pairs, and a uniform distribution for wrong pairs. The gain of a pair is the logarithm
-/// of its likelihood divided by the likelihood of a wrong pair. The motion with the largest sum of
-/// gains explains the pairs best.
+/// Every motion that start() is given is refined by the same fit over all pairs. The likelihood of
+/// a pair is a mixture: Student's t distribution of its distance (EpipolarPairs::distance, which
+/// includes the chirality) for right pairs, and a uniform distribution for wrong pairs. The gain of
+/// a pair is the logarithm of its likelihood divided by the likelihood of a wrong pair. The motion
+/// with the largest sum of gains explains the pairs best.
 ///
 /// The difference of two sums tells how much more likely one motion is, but neighbouring pairs are
-/// not independent: they may be on a moving object, or be mistaken in the same way. So the
+/// not independent: they may be on a moving object, or be mismatched in the same way. So the
 /// difference is divided by the design effect of cluster samples. This is the variance of the
 /// difference computed from the cells of the image, divided by its variance for independent pairs.
 /// No cell counts for more than `kMostOfACell`. A pair on the dominant plane agrees with both
@@ -39,10 +39,10 @@ class Hypotheses {
   void load(const EpipolarPairs& pairs, double cell, double range, const Epipolar& found,
             const Eigen::Matrix3d* plane);
 
-  /// Adds `motion` as a start, after a few steps of the fit. The sign of its translation is chosen
-  /// so that most points are in front of the cameras.
+  /// Adds `motion` to the list of motions from which refine() starts, after a few steps of the fit.
+  /// The sign of its translation is chosen so that most points are in front of the cameras.
   void start(const RelativePose& motion);
-  /// Fits the best starts. Then the list holds the fitted motions, without repetitions, best first.
+  /// Fits the best starts. Then the list holds the fitted motions, each only once, best first.
   void refine();
   /// Replaces the list by `motions`, without refining them. If `motions` does not contain the best
   /// motion of the old list, this motion stays as a rival. It gets at most the probability of the

@@ -10,11 +10,12 @@ namespace ktgp_orb {
 namespace {
 
 constexpr double kReach = 4.0;  // largest shift of a point by alignment, px
-/// Standard deviation of a keypoint's position, relative to the deviation of an aligned point. The
-/// measured ratio is 3.4: the distances from the true epipolar lines have a scale of 0.85 px for
-/// keypoints and 0.25 px for aligned points (medians over 20 sets of real and synthetic scenes).
-/// But some keypoints are near a line by chance and pull the fit towards its start. Of 1, 3.4, 6
-/// and 12 (about 3.4²), 12 gave the most accurate motions in twelve sets.
+/// Standard deviation that is assumed for a keypoint's position, relative to the deviation of an
+/// aligned point. The measured ratio is 3.4: the distances from the true epipolar lines have a
+/// scale of 0.85 px for keypoints and 0.25 px for aligned points (medians over 20 sets of real and
+/// synthetic scenes). But some keypoints are near their epipolar line by chance and hold the fit
+/// near its start. Of 1, 3.4, 6 and 12 (about 3.4²), 12 gave the most accurate motions in twelve
+/// sets.
 constexpr double kKeypointDeviation = 12.0;
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 
@@ -56,7 +57,8 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
   }
 }
 
-/// Aligned pairs come first in the order of PROSAC, because they are more accurate.
+/// Aligns the pairs. Aligned pairs come first in the order of PROSAC, because they are more
+/// accurate.
 void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
                                  TwoViewMatches& result) {
   constexpr double kLater = 1.0;  // added to the ratio of unaligned pairs; no ratio is larger

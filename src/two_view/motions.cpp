@@ -25,7 +25,7 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography) {
-  constexpr double kLeast = 1e-9;  // least translation over the plane's distance; less is rounding
+  constexpr double kLeast = 1e-9;  // in units of the plane's distance; less is rounding error
   cv::Matx33d calibrated;
   cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
                calibrated);
@@ -145,7 +145,9 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // Each of the six shared errors shifts the points along one axis, by x, y or 1 (x, y about 1).
+  // All points share an error that is an affine function of the position. It has six terms: along
+  // each of the two image axes, a shift in proportion to x, one in proportion to y, and a constant
+  // shift (x and y are normalised to about 1).
   const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
   Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
   Eigen::Vector2d residual;

@@ -11,7 +11,9 @@
 
 namespace ktgp_orb::two_view {
 
-/// A motion of a camera that sees a plane with the homography H: K'^-1 H K ~ R + t n^T.
+/// A motion that explains the homography H of a plane: K'^-1 H K ~ R + t n^T, with the matrices K
+/// and K' of the reference and the target camera, the rotation R, the translation t and the plane's
+/// normal n.
 struct PlanarMotion {
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;  ///< translation, in units of the plane's distance
@@ -72,7 +74,7 @@ class RotationFit {
   /// errors with standard deviation `shared`, px, that vary linearly over the image; and the effect
   /// of an undetected parallax of `unseen` px.
   Eigen::Matrix3d covariance(double shared, double unseen) const;
-  /// Standard deviation of one coordinate, px.
+  /// Scale of the errors of one coordinate of the target points, px.
   double scale() const { return fit_.weights().scale(); }
   std::size_t size() const { return problem_.targets.size(); }
 
@@ -82,8 +84,8 @@ class RotationFit {
   Eigen::Matrix3d rotation_ = Eigen::Matrix3d::Identity();
 };
 
-/// The turn that explains the best pairs without a translation: least squares with the weights of
-/// the Cauchy distribution.
+/// The rotation that maps the reference rays of the best pairs to their target rays, as if the
+/// camera had only turned: least squares with the weights of the Cauchy distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 }  // namespace ktgp_orb::two_view

@@ -111,7 +111,7 @@ void addProduct(const Quadratic& q, const Linear& l, Cubic& c) {
   c[19] += q[9] * l[3];
 }
 
-using Null = Eigen::Matrix<double, 9, 4>;  // E row by row = null * (x y z 1)
+using Null = Eigen::Matrix<double, 9, 4>;  // the entries of E, row by row, are null * (x y z 1)^T
 
 /// The ten cubic equations: det E = 0 and 2 E E^T E - tr(E E^T) E = 0.
 void constraints(const Null& null, Eigen::Matrix<double, 10, 20>& equations) {
@@ -145,8 +145,8 @@ void constraints(const Null& null, Eigen::Matrix<double, 10, 20>& equations) {
 
 using Polynomial = std::array<double, 5>;  // degree up to 4, lowest first
 
-/// A row of B(z), where B(z) (x y 1)^T = 0: the equation that starts with xxz, yyz or xyz, minus z
-/// times the equation that starts with xx, yy or xy.
+/// A row of Nister's matrix B(z), for which B(z) (x y 1)^T = 0. It is the equation that starts with
+/// xxz, yyz or xyz, minus z times the next equation, which starts with xx, yy or xy.
 std::array<Polynomial, 3> rowOfB(const Eigen::Matrix<double, 6, 10>& m, Eigen::Index with_z) {
   const auto a = m.row(with_z);
   const auto b = m.row(with_z + 1);
@@ -193,7 +193,8 @@ Eigen::Vector3d rowAt(const std::array<Polynomial, 3>& row, double z) {
   return {valueAt(row[0].data(), 3, z), valueAt(row[1].data(), 3, z), valueAt(row[2].data(), 4, z)};
 }
 
-/// The vector orthogonal to all three rows.
+/// The vector (x y 1), up to a factor, for which B(z) (x y 1)^T = 0: it is orthogonal to all three
+/// rows.
 Eigen::Vector3d nullOf(const MatrixB& b, double z) {
   const Eigen::Vector3d r0 = rowAt(b[0], z);
   const Eigen::Vector3d r1 = rowAt(b[1], z);
@@ -293,8 +294,9 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
   }
 }
 
-// With E = [t] R, the cross products of E's columns are the columns of t t^T R, and t t^T R - R =
-// [t] E. So R = t t^T R - [t] E for t, and R = t t^T R + [t] E for -t.
+// [t] is the matrix of the cross product with the unit vector t. With E = [t] R, the cross products
+// of E's columns are the columns of t t^T R, and t t^T R - R = [t] E. So R = t t^T R - [t] E for t,
+// and R = t t^T R + [t] E for -t.
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& e) {
   Eigen::Matrix3d products;
   products << e.col(1).cross(e.col(2)), e.col(2).cross(e.col(0)), e.col(0).cross(e.col(1));

@@ -19,7 +19,8 @@ std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
                       std::array<double, Degree>& roots);
 
 /// Up to ten essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004).
-/// Points are columns q = K^-1 x. Each solution has Frobenius norm sqrt(2).
+/// The columns of `reference` and `target` are the rays q and q' of the pairs: K^-1 (x y 1)^T for a
+/// point (x, y) in px. Each solution has Frobenius norm sqrt(2).
 void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
                      const Eigen::Matrix<double, 3, 5>& target,
                      std::vector<Eigen::Matrix3d>& solutions);
@@ -33,8 +34,7 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
 /// The four motions of an essential matrix of norm sqrt(2), in closed form (Horn, 1990).
 std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& essential);
 
-/// Whether the point nearest to two rays, q of the reference and q' of the target camera, is in
-/// front of both cameras.
+/// Returns true if the scene point nearest to the two rays of a pair is in front of both cameras.
 bool inFront(const RelativePose& motion, const Eigen::Vector3d& reference,
              const Eigen::Vector3d& target);
 

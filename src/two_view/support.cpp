@@ -44,7 +44,7 @@ void Support::clear() {
   std::fill(target_taken_.begin(), target_taken_.end(), std::uint8_t(0));
 }
 
-/// Whether a cell of `pair` has been marked since clear(). If not, marks both of its cells.
+/// Returns true if a cell of `pair` has been marked since clear(). If not, marks both of its cells.
 bool Support::isRepeated(std::uint32_t pair) {
   std::uint8_t& reference = reference_taken_[reference_cell_[pair]];
   std::uint8_t& target = target_taken_[target_cell_[pair]];
@@ -75,8 +75,9 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   const double log_models = std::log10(models);
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
-    // The probability that the first k + 1 pairs, and no others, agree by chance; p is the largest
-    // probability of these pairs. Skip numbers that chance is expected to reach.
+    // Computes the number of false alarms if the first k + 1 pairs agree by chance, and no others;
+    // p is the largest `chance` of these pairs. Skips k if chance is expected to give so many
+    // pairs.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

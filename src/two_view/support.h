@@ -9,28 +9,30 @@
 
 namespace ktgp_orb::two_view {
 
-/// Squared distances, px²: target point to mapped reference point, and to the epipolar line.
+/// Two squared distances of a pair's target point, px²: from the reference point that the
+/// homography maps into the target (error²), and from the epipolar line (across²).
 using Displacement = std::pair<double, double>;
 
-/// Number of false alarms of a model (estimation::FalseAlarms). Repeated keypoints count once.
-/// Keeps its buffers.
+/// Computes the number of false alarms of a model (see estimation::FalseAlarms). Pairs with a
+/// keypoint at nearly the same place count once. Keeps its buffers.
 class Support {
  public:
   /// Pairs within `apart` px of each other, in either image, count once.
   void load(const PointPairs& pairs, double apart);
 
-  /// log10 of the lowest number of false alarms over all numbers of inliers; at most 0. `chance`:
-  /// for each pair, the probability that it agrees with a wrong model at least as closely as with
-  /// this model; above 1 if the pair does not agree with this model. `sample`: number of pairs that
-  /// determine a model. `models`: largest number of models of a sample.
+  /// log10 of the number of false alarms, the lowest over all choices of how many of the best pairs
+  /// count as inliers; at most 0. `chance`: for each pair, the probability that it agrees with a
+  /// wrong model at least as closely as with this model; above 1 if the pair does not agree with
+  /// this model. `sample`: number of pairs that determine a model. `models`: largest number of
+  /// models of a sample.
   double logFalseAlarms(const std::vector<double>& chance, std::size_t sample, double models);
 
-  /// log10 of an upper bound for the number of false alarms of an epipole that two of n pairs
-  /// determine; at most 0. If the directions of the errors are random, the mean squared error is
-  /// the same along and across the epipolar line. So T, the sum of error² - 2 across² over the
-  /// other pairs, has the mean 0. The probability that such errors give T or more is below exp(-T²
-  /// / sum of error⁴), because the mean of exp(s cos a) over all a is below exp(s²/4). Pairs with
-  /// an error of 0 do not count.
+  /// log10 of an upper bound on the number of false alarms of an epipole; at most 0. Any two of the
+  /// n pairs determine an epipole. If the errors of the other pairs have random directions, the
+  /// mean squared error is the same along and across the epipolar line. So T, the sum of error² - 2
+  /// across² over the other pairs, has the mean 0. The probability that such errors give T or more
+  /// is below exp(-T² / sum of error⁴), because for every s the mean of exp(s cos a) over all
+  /// angles a is below exp(s²/4). Pairs with an error of 0 do not count.
   double logParallax(const std::vector<Displacement>& pairs);
 
  private:

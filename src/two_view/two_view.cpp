@@ -97,7 +97,7 @@ struct TwoViewEstimator::Impl {
   two_view::Support support;
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
-  std::vector<double> values;  // buffer of medians
+  std::vector<double> values;  // buffer for computing medians
   double fitted_scale = 0.0;   // scale of the last fit in covarianceOf(), px
   double target_area = 0.0;
 };
@@ -159,9 +159,10 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
   // epipolar line covers this share of a square with the same area as the target points.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
-  // Sampling could stop too early: with little parallax, wrong motions agree with most pairs, and
-  // even with all of the best pairs. With K, the fit has other starts, too (see startElsewhere).
-  // Without K, a sample on one plane may give a geometry that agrees only with that plane.
+  // Without a minimum, sampling could stop too early: with little parallax, wrong motions agree
+  // with most pairs, and even with all of the best pairs. With K, the fit has other starts, too
+  // (see startElsewhere). Without K, a sample on one plane may give a geometry that agrees only
+  // with that plane.
   rules.min_iterations = cameras ? 40 : 200;
   rules.seed = options.seed;
   std::optional<Epipolar> initial;
@@ -219,7 +220,7 @@ double TwoViewEstimator::Impl::cellOf(const PointPairs& pairs, const TwoViewInpu
   return (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
 }
 
-/// Fills log_plane; also log_rotation if K is known and a rotation explains the pairs.
+/// Sets log_plane, and also log_rotation if K is known and a rotation explains the pairs.
 void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoViewInput& input) {
   has_plane = options.homography && plane.status == Status::ok;
   log_plane = 0.0;
@@ -307,7 +308,8 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
 /// other inliers lie in one region. A moving object in this region may then be mistaken for depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
-  // Limit in scales of the Sampson distances, times 1.5 because errors have two coordinates here.
+  // Largest error of a resting pair, as a multiple of the scale of the Sampson distances. The
+  // factor 1.5 is there because these errors have two coordinates.
   constexpr double kErrors = 4.0 * 1.5;
   constexpr double kLeastScale = 0.1;  // px
   constexpr std::size_t kFew = 8;
@@ -342,10 +344,11 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
-/// The most precise pairs are the pairs whose patches could be aligned. If the motion is right,
-/// nearly all of them agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a
-/// texture repeats itself, many disagree, as in all 20 image pairs of a synthetic facade and a
-/// chessboard. The motion may then be wrong by the median error of the pairs that disagree.
+/// Sets the doubt `repetitive` if many of the most precise pairs do not agree with the motion. The
+/// most precise pairs are the pairs whose patches could be aligned. If the motion is right, nearly
+/// all of them agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a texture
+/// repeats itself, many disagree, as in all 20 image pairs of a synthetic facade and a chessboard.
+/// The motion may then be wrong by the median error of the pairs that disagree.
 void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
@@ -379,7 +382,9 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
-  constexpr double kOfSampson = 2.0;  // factor for errors of both images and errors along the line
+  // Converts a Sampson distance to a reprojection error. The Sampson distance splits an error
+  // between both images, and does not contain the part along the epipolar line.
+  constexpr double kOfSampson = 2.0;
   const bool is_epipolar = result.geometry == Geometry::epipolar;
   values.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -394,7 +399,8 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
   return *middle;
 }
 
-/// Reports the turn as the other motion. The covariance then allows any translation direction.
+/// Reports the rotation alone as the other motion, and enlarges the covariance so that it allows
+/// any direction of the translation.
 void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   constexpr double kEven = 0.5;
   result.doubt = Doubt::moving_region;
@@ -409,9 +415,10 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
 }
 
 /// Covariance of a turn, with the translation in units of the distance of the scene. The residuals
-/// of the turn may be parallax, whose mean looks like a turn. For depths of 3 to 12, the mean
-/// parallax is 2.2 times the scatter of the parallax, and the scale of Student's t distribution is
-/// 0.8 times this scatter. So the mean parallax is about three scales.
+/// of the turn may be parallax, whose mean looks like a turn. If the depths of the points lie
+/// between 3 and 12 (in any unit), the mean parallax is 2.2 times the scatter of the parallax, and
+/// the scale of Student's t distribution is 0.8 times this scatter. So the mean parallax is about
+/// three scales.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
   const double unseen = kMeanOfScale * turn.scale();
@@ -513,7 +520,8 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // The difference of unit vectors is shorter than the arc (the step): add the gap between them.
+    // `step` is as long as the arc between the two translations. The difference of these unit
+    // vectors has a shorter part across `best`: also add this gap.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
