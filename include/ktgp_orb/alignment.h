@@ -72,13 +72,13 @@ struct AlignmentResult {
 /// patch of 16x16 px around the reference keypoint is warped by the affine map that approximates H
 /// at this keypoint. Inverse-compositional least squares (Baker & Matthews, IJCV 2004) find the
 /// translation that brings the patch onto the target; the brightness may differ by a gain and a
-/// bias. If H changes the scale by a factor of more than 1.5, the image that shows the scene
-/// smaller is compared with the pyramid level of the other image that is nearest in scale. Then H
-/// is estimated from the aligned points by maximum likelihood. The fit assumes that the errors have
-/// a scale of at least a pixel (a third of `max_error`), because no scene is exactly a plane: with
-/// a smaller scale, the fit would follow the part of the scene with the most points. The answer is
-/// the aligned H, unless the homography from the keypoints has a smaller uncertainty at the corners
-/// of the image.
+/// bias. If the scene is more than 1.5 times as large in one image as in the other, that image is
+/// replaced by the level of its pyramid in which the scene has about the same size as in the other
+/// image. Then H is estimated from the aligned points by maximum likelihood. The fit assumes that
+/// the errors have a scale of at least a pixel (a third of `max_error`), because no scene is
+/// exactly a plane: with a smaller scale, the fit would follow the part of the scene with the most
+/// points. The answer is the aligned H, unless the homography from the keypoints has a smaller
+/// uncertainty at the corners of the image.
 ///
 /// The answer is the same for every instruction set.
 ///

@@ -7,8 +7,8 @@
 namespace ktgp_orb {
 
 /// The last stage of KNN -> TF -> GMS -> PROSAC that a correspondence passed. A match of Level::ktg
-/// has also passed KNN and TF, so the matches that the paper calls KT are all those with level >=
-/// Level::kt.
+/// has also passed KNN and TF, so the matches that the paper calls KT are all matches with a level
+/// >= Level::kt.
 enum class Level : std::uint8_t {
   knn = 0,   ///< nearest neighbour; removed by the ratio filter (TF)
   kt = 1,    ///< passed KNN + TF; removed by GMS

@@ -22,7 +22,7 @@ struct GmsOptions {
   /// so that a cell has 2.5 matches on average, which is the average for 1000 matches on the
   /// paper's grid. If there are few matches, a finer grid would leave them without neighbours.
   int grid_columns = 20;
-  /// Number of cells down the target image; 0 means the same as for the columns.
+  /// Number of cells down the target image; if 0, it is chosen like `grid_columns`.
   int grid_rows = 20;
 };
 
@@ -48,14 +48,14 @@ struct GmsResult {
 
 /// Removes correspondences that do not move like their neighbours.
 ///
-/// Each image is divided into cells. The best pair of a target cell consists of this cell and the
-/// reference cell to which the largest number of its matches lead. A best pair is supported if
-/// enough matches lead from the cells around the target cell to the cells around the reference cell
-/// (see GmsOptions::threshold). A correspondence is kept if its two cells are a supported best pair
-/// in the grid, or in one of three copies shifted by half a cell. Among several rotations and
-/// scales, the combination that keeps the most matches wins. If two combinations keep equally many
-/// matches, the earlier one wins; the order is scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each
-/// scale, rotation 0 to 315. The GMS authors' program gives the same result, match for match. Their
+/// Each image is divided into cells. The best pair of a target cell is this cell and the reference
+/// cell with which it shares the most matches. A best pair is supported if enough matches lead from
+/// the cells around the target cell to the cells around the reference cell (see
+/// GmsOptions::threshold). A correspondence is kept if its two cells are a supported best pair in
+/// the grid, or in one of three copies shifted by half a cell. Among several rotations and scales,
+/// the combination that keeps the most matches wins. If two combinations keep equally many matches,
+/// the earlier one wins; the order is scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each scale,
+/// rotation 0 to 315. The GMS authors' program gives the same result, match for match. Their
 /// program does not check for keypoints on or beyond the right and bottom border; in this class,
 /// such keypoints belong to no cell.
 ///

@@ -16,7 +16,7 @@ using Twist6 = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
 /// A measurement of the height of the camera above the ground.
 struct HeightReading {
   double metres = 0.0;  ///< > 0
-  /// Standard deviation, m, >= 0; the errors of different readings are independent.
+  /// Standard deviation, m, >= 0; the errors of different readings are assumed to be independent.
   double deviation = 0.0;
   /// How old the reading is at the time of the image, s. GroundMotion corrects for it with the
   /// vertical velocity.
@@ -27,13 +27,13 @@ struct HeightReading {
   Eigen::Vector3d beam_direction = Eigen::Vector3d::Zero();
 };
 
-/// A measurement of the direction from the camera to the ground, along the normal of the ground.
+/// A measurement of the direction from the camera to the ground, perpendicular to the ground.
 struct DownReading {
   /// Direction in the camera's frame, length 1.
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
   bool of_imu = false;     ///< measured by an Imu; GroundEstimate::imu estimates its mounting
-  double age = 0.0;        ///< age at the time of the image, s; used only for GroundEstimate::imu
+  double age = 0.0;        ///< how old it is when the image is taken, s; for GroundEstimate::imu
 };
 
 /// A measurement of the rotation since the previous frame, for example by a gyroscope.
@@ -41,8 +41,8 @@ struct TurnReading {
   /// Rotation from the camera's frame now to the camera's frame at the previous image.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  /// How much earlier the measured interval is than the interval between the two images, s; used
-  /// only for GroundEstimate::imu.
+  /// How much earlier the gyroscope's time interval is than the interval between the two images, s;
+  /// used only for GroundEstimate::imu.
   double age = 0.0;
 };
 
@@ -75,12 +75,12 @@ struct GroundMotionOptions {
   /// count less with each new keyframe.
   double ground_slope = 0.002;
   /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
-  /// global shutter. Between -1 and 0: the last row is exposed first, as in pictures that the
-  /// driver turns by 180 degrees. -1: not known. Unless the value is 0, GroundMotion estimates the
-  /// time.
+  /// global shutter. Between -1 and 0: the last row is exposed first, for example because the
+  /// driver rotates the images by 180 degrees. -1: not known. Unless the value is 0, GroundMotion
+  /// estimates the time.
   double readout_time = -1.0;
-  /// Standard deviation of a relative error that is the same for all lengths, >= 0; for example,
-  /// because the height was measured only once.
+  /// Standard deviation of an error that scales all lengths by the same factor, >= 0; for example
+  /// 0.05 if the height was measured only once, and that measurement may be off by 5 %.
   double scale_deviation = 0.0;
   /// Standard deviation of the acceleration, m/s², >= 0. Determines how much the velocity may
   /// change from one measurement to the next, and how fast the uncertainty grows during a gap, when
@@ -102,11 +102,13 @@ enum class GroundStatus : std::uint8_t {
   resumed = 2,
   no_homography = 3,  ///< no homography was found
   no_covariance = 4,  ///< the homography has no usable covariance, so it cannot be weighted
-  no_height = 5,      ///< no height has been given yet
+  no_height = 5,      ///< no usable height has been given yet
   /// No normal of the ground has been given (DownReading), and the motion does not determine it
   /// yet.
   no_normal = 6,
-  contradiction = 7,  ///< the homography is not used, because it would mean a jump
+  /// The homography is not used: it contradicts the keyframe's map, or the camera would have
+  /// jumped.
+  contradiction = 7,
   /// The stamp is older than the previous frame's stamp. A single frame with an older stamp is left
   /// out. If the next frame continues from the older stamp, the recording was looped or a clock was
   /// set, and the motion begins anew.
@@ -141,7 +143,7 @@ struct ImuMounting {
   double scale_error_deviation = 0.0;
 };
 
-/// Returns all errors that are known as text, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms
+/// Returns all known errors as text, e.g. "mounted 0.1 +- 0.2 degrees off about x; stamps 1 +- 3 ms
 /// late".
 std::string describe(const ImuMounting& imu);
 /// Returns the errors that are certain and large enough to matter, as text; empty if there are
@@ -166,7 +168,7 @@ struct GroundEstimate {
 
   double height = 0.0;          ///< height of the camera above the ground, m
   double tilt_deviation = 0.0;  ///< standard deviation of the ground's normal about one axis, rad
-  double gap = 0.0;  ///< for status resumed: how long no frame was connected before this frame, s
+  double gap = 0.0;             ///< for status resumed: time since the last frame with a pose, s
   /// Misfits, in standard deviations. The misfit of a reading is the difference between the reading
   /// and its prediction by the homography and the earlier readings. The misfit of the homography is
   /// the difference between the homography and its prediction by flat ground and the earlier
@@ -184,7 +186,7 @@ struct GroundEstimate {
   /// expected. -1 means that the angular velocity has the wrong sign, and 57.3 means that it is in
   /// degrees. The value is 0 until the camera has turned enough.
   double turn_ratio = 0.0;
-  /// Readout time of a rolling shutter, estimated from the pictures, and its standard deviation, s.
+  /// Readout time of a rolling shutter, estimated from the images, and its standard deviation, s.
   /// If the time is negative, the last row is exposed first.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
@@ -205,9 +207,9 @@ struct GroundEstimate {
 /// keyframe to a frame then depends on the frame's pose: H ~ M(pose) G, where M maps metres on the
 /// ground to pixels of the frame. (In textbooks this is R + t n'/d, with the rotation R, the
 /// translation t, and the normal n and the distance d of the ground seen from the keyframe: Malis &
-/// Vargas 2007; Hartley & Zisserman 2004, ch. 13.) The most likely pose is found by Gauss-Newton
-/// over the six parameters of the pose, together with the parameters of G and of the previous pose.
-/// H and the readings are weighted by their covariances. G keeps the scale and the tilt from the
+/// Vargas 2007; Hartley & Zisserman 2004, ch. 13.) The pose is fitted to H by weighted least
+/// squares. A Kalman filter then estimates G and the poses of the newest two frames together, from
+/// H and the readings, weighted by their covariances. G keeps the scale and the tilt from the
 /// readings and passes them on to the next keyframe, so errors of single readings average out. If
 /// there are no DownReadings, the motion determines the normal of the ground.
 ///
@@ -229,18 +231,19 @@ class GroundMotion {
   void setOptions(const GroundMotionOptions& options);
 
   /// Adds the next frame. The reference is the previous frame or the reference of the previous
-  /// frame (as in the modes of SequenceMatcher); with any other reference, the motion begins anew
-  /// at the predicted position. Throws std::invalid_argument, without any change, for unusable
-  /// readings, a camera without focal length and a homography that is not finite. It also throws if
-  /// a different frame has the stamp of the last frame; the motion then continues as after a gap.
-  /// If the last frame itself is added again, the estimate stays the same.
+  /// frame (as in the modes of SequenceMatcher); with any other reference, the motion continues
+  /// from the predicted pose, as after a gap. Throws std::invalid_argument, without any change, for
+  /// unusable readings, a camera without focal length and a homography that is not finite. It also
+  /// throws if a different frame has the stamp of the last frame; the motion then continues as
+  /// after a gap. If the last frame itself is added again, the estimate stays the same.
   const GroundEstimate& add(const GroundFrame& frame);
 
   /// Restarts the odometry at its origin.
   void reset();
-  /// Sets x, y and the yaw of the base in the odometry frame at the next frame; the height and the
-  /// tilt stay as measured. Only the rows of x, y and yaw of the covariance are used. Throws
-  /// std::invalid_argument for values that are not finite and for negative variances.
+  /// Sets x, y and the yaw of the base in the odometry frame. This takes effect at the next frame
+  /// that gets a pose. The height and the tilt stay as measured. Only the rows of x, y and yaw of
+  /// the covariance are used. Throws std::invalid_argument for values that are not finite and for
+  /// negative variances.
   void setPose(const Pose3& base_to_odometry, const Covariance6& covariance);
 
  private:

@@ -15,7 +15,7 @@ constexpr int kUnrelatedDistance = 128;
 
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
-  int threads = 1;  ///< number of threads that share the queries, 0..1024; 0 means all cores
+  int threads = 1;  ///< number of threads that share the work, 0..1024; 0 means all cores
   /// Radius for matchNear: largest distance of a reference keypoint from the predicted position, px
   /// of the reference, 0..10000. If it is 0, KtgpMatcher searches the whole image, as in the paper.
   double search_radius = 0.0;

@@ -61,8 +61,8 @@ enum class StageId : std::uint8_t { knn, tf, gms, prosac, growth, guided, align,
 /// Returns the enumerator's name, e.g. "two_view".
 const char* toString(StageId stage);
 
-/// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
-/// the next one.
+/// Counts and time of one stage, as in the message StageStatistics. The output of a stage is the
+/// input of the next one.
 struct StageResult {
   StageId id = StageId::knn;
   /// For knn: number of target features. For the other stages: number of correspondences.

@@ -63,7 +63,7 @@ struct Panorama {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< rotation axis, in the first camera's frame
   bool is_estimated = false;  ///< K was estimated from homographies, not given by setCamera()
   double degrees = 0.0;       ///< horizontal angle that the map covers, 0..360
-  double closed_off = 0.0;    ///< largest gap where a full turn met its beginning, px
+  double closed_off = 0.0;    ///< largest drift measured when a full turn closed, px
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.
@@ -131,9 +131,8 @@ class Mosaic {
   bool full() const;          ///< true if a part was not drawn because max_megapixels was reached
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps that were begun
-  /// How far the scene of the newest frames deviates from a plane, px. It is the running mean of
-  /// the UncertainHomography::plane_deviation that their matches to keyframes gave; 0 without
-  /// keyframes.
+  /// How far the scene of the newest frames deviates from a plane, px: the running mean of
+  /// UncertainHomography::plane_deviation over the matches to keyframes; 0 without keyframes.
   double planeDeviation() const;
   /// Returns true if planeDeviation() is so large that near or high objects may be drawn several
   /// times.

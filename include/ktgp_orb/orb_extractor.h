@@ -20,7 +20,7 @@ enum class KeypointDistribution : std::uint8_t {
   uniform,
 };
 
-/// Whether and how the features keep their image (Features::images).
+/// What the extractor stores in Features::images.
 enum class ImageKeeping : std::uint8_t {
   none,   ///< Features::images stays empty, so sub-pixel alignment is not possible
   copy,   ///< the image is copied and its pyramid kept
@@ -45,7 +45,7 @@ struct OrbOptions {
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
   /// For the uniform distribution: keypoints per cell if all cells have enough corners, >= 1.
-  /// Smaller cells spread the keypoints more evenly; larger ones allow a better choice of corners.
+  /// Smaller cells spread the keypoints more evenly; larger cells allow a better choice of corners.
   int keypoints_per_cell = 16;
   ImageKeeping images = ImageKeeping::copy;
   /// Number of threads that share the work; 0 means all cores; the result does not depend on it.

@@ -12,8 +12,9 @@ namespace ktgp_orb {
 struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  /// If true, images of more than a megapixel get more features than OrbOptions::max_features, in
-  /// proportion to their area, up to 8000, because larger images show more distinct details.
+  /// If true, and if the larger image has more than a megapixel, both images get more features than
+  /// OrbOptions::max_features, in proportion to the area of the larger image, up to 8000, because
+  /// larger images show more distinct details.
   bool features_by_area = false;
 
   /// The preset photo, for two photographs of any kind. Of all presets, it succeeds on the largest
@@ -25,7 +26,7 @@ struct PairOptions {
 struct PairMatch {
   Features reference;
   Features target;
-  /// The maximum number of keypoints per image that was used; see PairOptions::features_by_area.
+  /// The OrbOptions::max_features used for both images; see PairOptions::features_by_area.
   int max_features = 0;
   double reference_milliseconds = 0.0;  ///< time to find the features of the reference
   double target_milliseconds = 0.0;

@@ -63,14 +63,14 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// earlier. The two homographies show how fast the points of the target move, so that the points
 /// can be moved to their positions at the time of the middle row. The covariance contains the noise
 /// of both homographies, but not the error due to a change of velocity between them. If
-/// `readout_time` is between -1 and 0, the last row is exposed first, as in pictures that the
-/// driver turns by 180 degrees. If it is -1, the time is not known: the homography stays `now`, and
-/// the covariance allows for a readout time of 0 +- 10 ms. A pose has only six parameters and a
-/// homography eight, so the distortion by the shutter changes the pose of planarPoses() little, and
-/// the covariance covers this change. Returns `now` if one of the two homographies does not show
-/// all of the reference image, or if the time between the two images is too short. Throws
-/// std::invalid_argument for an empty size, no rows, `seconds` of 0 or less, and a `readout_time`
-/// that is not a number.
+/// `readout_time` is between -1 and 0, the last row is exposed first, for example because the
+/// driver rotates the images by 180 degrees. If it is -1, the time is not known: the homography
+/// stays `now`, and the covariance allows for a readout time of 0 +- 10 ms. A pose has only six
+/// parameters and a homography eight, so the distortion by the shutter changes the pose of
+/// planarPoses() little, and the covariance covers this change. Returns `now` if one of the two
+/// homographies does not show all of the reference image, or if the time between the two images is
+/// too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of 0 or less, and
+/// a `readout_time` that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

@@ -37,11 +37,11 @@ struct SteadyFrame {
 ///
 /// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
-/// to the track of each corner; frames that are nearer in time have more weight. The values of the
-/// lines at the time of the frame are the corners of the frame in the steady picture. (With the
-/// mean of the track instead of a line, the picture would lag behind a camera that moves evenly.)
-/// With a lag of 0, the camera is assumed to stand still at the beginning of a path, until more
-/// frames are known. When a new path begins, the last correction of the old path fades out.
+/// to the track of each corner; frames that are nearer in time have more weight. At the time of the
+/// frame, each line gives the position of its corner in the steady picture. (With the mean of the
+/// track instead of a line, the picture would lag behind a camera that moves evenly.) With a lag of
+/// 0, the camera is assumed to stand still at the beginning of a path, until more frames are known.
+/// When a new path begins, the last correction of the old path fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
@@ -60,7 +60,7 @@ class Stabilizer {
   void add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography, const cv::Size& size,
            std::vector<SteadyFrame>& ready);
-  /// Appends the frames that still wait for later frames to `ready`.
+  /// Appends to `ready` the frames that still wait for later frames.
   void flush(std::vector<SteadyFrame>& ready);
   /// Returns to the initial state.
   void reset();

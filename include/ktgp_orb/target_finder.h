@@ -31,10 +31,10 @@ struct Target {
 };
 
 struct TargetFinderOptions {
-  /// Options of the features of frames and targets. By default, a frame gets more keypoints than
-  /// usual, spread over all its parts, because a target may be small. A frame has more pyramid
-  /// levels than a target (which has five), because the target may appear three times as large as
-  /// in its image.
+  /// Options for extracting the features of frames and targets. By default, a frame gets more
+  /// keypoints than usual, spread over all its parts, because a target may be small. A frame has
+  /// more pyramid levels than a target (which has five), because the target may appear three times
+  /// as large as in its image.
   OrbOptions orb = [] {
     OrbOptions options;
     options.max_features = 3300;
@@ -87,8 +87,8 @@ struct DetectedTarget {
   /// Describes another pose in which the target's picture looks the same, e.g. "turned by 180
   /// degrees". The reported pose is then one of several possible poses. Empty if there is only one.
   std::string ambiguity;
-  /// Positions in the frame of the centres of the four corner pixels of the target's image: upper
-  /// left, upper right, lower right, lower left; px.
+  /// Where the centres of the four corner pixels of the target's image are in the frame, px: upper
+  /// left, upper right, lower right, lower left.
   std::array<Eigen::Vector2d, 4> corners;
   std::array<Eigen::Matrix<double, 2, 2, Eigen::DontAlign>, 4> corner_covariances;  ///< px²
   /// Homography from the target's image to the frame, px, with its covariance.

@@ -11,7 +11,7 @@
 namespace ktgp_orb {
 
 /// Computes the poses of detected targets, with the effects of the lens and the shutter removed.
-/// Keeps its buffers. An instance belongs to one thread at a time.
+/// Reuses its buffers from call to call. An instance belongs to one thread at a time.
 class TargetPose {
  public:
   /// `readout_time`: readout time of a rolling shutter, s (see withoutShutter). 0: global shutter;

@@ -181,10 +181,10 @@ static_assert(alignof(TwoView) <= alignof(std::max_align_t),
 /// The model with fewer false alarms is chosen. A pair may agree with a wrong model by chance. The
 /// probability of this is the share of the image that lies within the error of the pair: in a disc
 /// around the predicted point for a homography, or in a strip on both sides of the epipolar line.
-/// If there is a homography, the pairs must also show parallax: their residuals under the
-/// homography must point along the epipolar lines more often than random directions. Therefore a
-/// plane with a few points off it is reported as an epipolar geometry, and a plane without such
-/// points as a plane.
+/// If there is a homography, the epipolar geometry is chosen only if the pairs also show parallax:
+/// their residuals under the homography must point along the epipolar lines more often than random
+/// directions would. Therefore a scene with a plane and a few points off it is reported as an
+/// epipolar geometry, and a scene without such points as a plane.
 ///
 /// The status is model_rejected if chance cannot explain a geometry, but other evidence contradicts
 /// it or the inliers do not determine it; see TwoView::doubt.

@@ -187,8 +187,8 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
       noteAt(position, "a wrong size");
       chunk.stored_size = chunk.size;
     } else {
-      // The size of the chunk is wrong, or the next record is damaged. The next intact record that
-      // cannot be inside a chunk tells which.
+      // Either the size of the chunk is wrong, or the next record is damaged. To decide, look for
+      // the next intact record that cannot be inside a chunk.
       const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
       if (found < chunk.stored_size) {
         noteAt(position, "damaged or cut off");
@@ -309,8 +309,8 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // So far, the messages of a chunk that lies at another position than the index says are counted
-  // as missing. They were found, so subtract all messages that are there.
+  // missing_ now counts the messages of all chunks that the index lists. Subtract the messages that
+  // the file has, wherever their chunks lie.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {

@@ -57,9 +57,10 @@ struct Chunk {
   std::size_t position;     ///< position of the chunk's record in the file, bytes
   std::size_t data;         ///< position of the chunk's data in the file, bytes
   std::size_t stored_size;  ///< size of the data in the file (compressed), bytes
-  std::size_t size;         ///< size of the uncompressed data, bytes, as the record says
+  std::size_t size;         ///< size of the uncompressed data according to the record, bytes
   std::string compression;  ///< "none", "bz2" or "lz4"
-  Times times{};            ///< message times, as the index says
+  /// message times from the index; from the messages if the index is missing or wrong
+  Times times{};
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -77,8 +78,8 @@ struct ChunkContents {
   std::vector<Message> messages;
 };
 
-/// A bag file. Finds all records at once, but reads the messages only chunk by chunk. Notes what is
-/// inconsistent. If a record is damaged, goes on with the next intact record.
+/// A bag file. The constructor finds all records; read() reads the messages chunk by chunk. If a
+/// record is damaged, goes on with the next intact record. damage() describes the problems.
 class BagFile {
  public:
   /// Throws UnusableBag if the file cannot be read or is not a bag of format 2.0.
@@ -136,7 +137,7 @@ class BagFile {
   /// Position where the last chunk ends, including its index records that were read so far. Its
   /// next index record must begin here.
   std::size_t chunk_end_ = 0;
-  std::size_t damage_begin_ = 0;  ///< where the damage begins that ends at `damage_end_`
+  std::size_t damage_begin_ = 0;  ///< position where the last damaged part begins
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;
   std::map<std::uint32_t, std::set<Topic>> connections_;

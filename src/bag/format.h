@@ -19,7 +19,7 @@ namespace ktgp_orb::bag {
 enum class Operation : unsigned char {
   message = 2,
   file_header = 3,
-  index = 4,  ///< times and positions of one connection's messages in the chunk before it
+  index = 4,  ///< times and positions of one connection's messages in the preceding chunk
   chunk = 5,
   chunk_info = 6,
   connection = 7,
@@ -32,10 +32,10 @@ struct Record {
   Operation operation;
   Fields fields;
   std::size_t data;       ///< position of the data, bytes from the record's beginning
-  std::size_t data_size;  ///< size of the data, bytes; the file may end before
+  std::size_t data_size;  ///< size of the data, bytes; the file may be shorter
 };
 
-/// Bytes; a record with a longer header is taken as damaged.
+/// Bytes; a record with a longer header counts as damaged.
 constexpr std::size_t kLargestHeader = 1 << 20;
 
 /// Reads four bytes as a little-endian number; all numbers of the format are stored like this.

@@ -45,7 +45,7 @@ std::string withoutZeros(const std::string& digits) {
 
 /// Removes a sign from the end of `before`, the text before a number, and returns true if it is a
 /// minus. A '-' is a sign in "-5" and "t_-5", but not in "img-5", where it follows a word.
-/// `begins`: `before` is the beginning of the name.
+/// `begins`: true if `before` is the beginning of the name.
 bool takeSign(bool begins, std::string& before) {
   if (before.empty() || (before.back() != '-' && before.back() != '+')) return false;
   if (before.size() == 1 && !begins) return false;
@@ -56,7 +56,7 @@ bool takeSign(bool begins, std::string& before) {
   return negative;
 }
 
-/// Applies a negative exponent to the number, for example 1e-05, as Python writes small decimals.
+/// Applies a negative exponent to the number. Python writes small decimals such as 1e-05 like this.
 void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   constexpr std::size_t kMost = 40;
   if (text.compare(i, 2, "e-") != 0 || !isDigit(text, i + 2)) return;
@@ -70,7 +70,7 @@ void takeExponent(const std::string& text, std::size_t& i, Number& number) {
   i = end;
 }
 
-/// Returns true for a decimal point. Many languages write a comma instead.
+/// Returns true for a decimal point or for a comma, which many languages use instead.
 bool isPoint(const std::string& text, std::size_t i) {
   return i < text.size() && (text[i] == '.' || text[i] == ',');
 }

@@ -10,8 +10,8 @@ namespace ktgp_orb::bag {
 /// have no leading zeros, and decimals of different lengths have no trailing zeros.
 void sortByNumbers(std::vector<std::string>& files);
 
-/// Returns the names that look different from nearly all others, apart from their numbers, for
-/// example "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
+/// Returns the names that differ from nearly all others in more than their numbers, for example
+/// "thumbnail.png" beside "1.5.png", "2.png" and so on. Empty for fewer than four files.
 std::vector<std::string> oddNames(const std::vector<std::string>& files);
 
 /// Detects two or more series of names that alternate in the sorted `files`. If so, returns two

@@ -52,8 +52,8 @@ struct RecordedMessage {
 };
 
 /// Reads the messages of selected topics from a bag, in the order of their times. The bag may be
-/// damaged. A chunk is read only when it may contain the next message; the chunks are sorted by
-/// their first messages.
+/// damaged. A chunk is read only when it may contain the next message; the chunks are sorted by the
+/// times of their first messages.
 class BagMessages {
  public:
   using Wanted = std::function<bool(const bag::Topic&)>;
@@ -145,7 +145,7 @@ struct BagSelection {
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
 /// Namespace of the camera that publishes the image topic, for example "/camera" for
-/// "/camera/image_raw". The topic may also be one of compressed images.
+/// "/camera/image_raw". The images of the topic may also be compressed.
 std::string cameraOf(const std::string& image_topic);
 
 /// Reads the camera_info that belongs to the image topic. Returns the first message with a

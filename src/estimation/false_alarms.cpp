@@ -18,7 +18,7 @@ namespace {
 void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
                Eigen::AlignedBox2d& fences) {
   constexpr std::size_t kEnough = 32;
-  constexpr double kFarOut = 3.0;  // from a quartile to its bound, in interquartile ranges
+  constexpr double kFarOut = 3.0;  // distance of a bound from its quartile, in interquartile ranges
   std::array<double, kEnough> sample{};
   const std::size_t stride = util::ceilDivide(points.size(), kEnough);
   std::size_t count = 0;

@@ -54,7 +54,7 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  // The samples that each new pair gets (r) use at most 1 / kSteadyShare of the budget in total.
+  // The r samples for each new pair (see ProsacSampler) use at most 1 / kSteadyShare of the budget.
   constexpr double kSteadyShare = 4.0;
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);

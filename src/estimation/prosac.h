@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::estimation {
 
-/// The pairs in the order of their quality, best first; PROSAC draws them in this order. Keeps its
-/// buffers.
+/// The pairs in the order of their quality, best first; PROSAC draws them in this order. Reuses its
+/// buffers from call to call.
 class QualityOrder {
  public:
   /// Sorts pairs by quality; smaller values are better. Pairs of equal quality keep the order of
@@ -143,7 +143,7 @@ struct ProsacRules {
 ///   bool refine(widening, model);           refits to the pairs within widening * threshold
 ///   std::size_t findInliers(model, inlier) const;
 ///
-/// Keeps its buffers.
+/// Reuses its buffers from call to call.
 template <typename Problem>
 class ProsacSearch {
  public:

@@ -67,7 +67,7 @@ double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weig
   const double d = weights.dimensions();
   const double n = static_cast<double>(weights.size());
   const double mean2 = std::pow(sums.derivative / n, 2);
-  // e: residual of a measurement; t: its Student weight (`student`); f: kStudentFreedom. The
+  // e: the d residuals of a measurement; t: its Student weight (`student`); f: kStudentFreedom. The
   // derivative of t e with respect to e is t (2q - 1) in the direction of e, and t perpendicular to
   // it, where q = t f / (f + d).
   double squares = 0.0;

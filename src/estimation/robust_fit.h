@@ -64,7 +64,8 @@ bool findStep(const NormalEquations& sums, double damping, const FitRules& rules
 ///   void linearise(const State&, RobustWeights&, NormalEquations&);
 ///
 /// linearise() computes the errors, the weights and the sums for a state. A problem that can
-/// evaluate one measurement at a time calls lineariseEach() for this. Keeps its buffers.
+/// evaluate one measurement at a time calls lineariseEach() for this. Reuses its buffers from call
+/// to call.
 template <typename Problem>
 class RobustFit {
  public:
@@ -89,7 +90,7 @@ class RobustFit {
   FitEnd minimise(Problem& problem, const FitRules& rules, State& state) {
     // After a step that did not reduce the cost, the damping is at least this.
     constexpr double kLeastDamping = 1e-4;
-    constexpr double kMostDamping = 1e12;  // with more damping, no step reduces the cost
+    constexpr double kMostDamping = 1e12;  // with more damping, steps are too small to help
     problem.linearise(state, weights_, sums_);
     double damping = rules.first_damping;
     for (int i = 0; i < rules.most_steps; ++i) {
@@ -156,9 +157,9 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // e: residual of the measurement; t: its Student weight (`student`); f: kStudentFreedom. The
-    // derivative of t e with respect to e is t (2q - 1) in the direction of e, and t perpendicular
-    // to it, where q = t f / (f + kResiduals).
+    // e: the residuals of the measurement; t: its Student weight (`student`); f: kStudentFreedom.
+    // The derivative of t e with respect to e is t (2q - 1) in the direction of e, and t
+    // perpendicular to it, where q = t f / (f + kResiduals).
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

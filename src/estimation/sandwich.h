@@ -41,7 +41,7 @@ Information independentMeat(const NormalEquations& sums, const RobustWeights& we
 double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weights);
 
 /// The meat if the errors of measurements in one cluster may be correlated in any way (Liang &
-/// Zeger, Biometrika 1986). Keeps its buffers.
+/// Zeger, Biometrika 1986). Reuses its buffers from call to call.
 class ClusteredMeat {
  public:
   /// `most`: number of clusters; the clusters are numbered from 0.

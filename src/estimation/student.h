@@ -21,8 +21,8 @@ Value studentWeight(const Value& square, double scale2, double dimensions) {
 }
 
 /// Errors and weights of n measurements, which have d residuals each, and the scale of the errors.
-/// Keeps its buffers. The arrays are padded to a multiple of `kLanes` entries; the padding must
-/// have weight 0.
+/// Reuses its buffers from call to call. The arrays are padded to a multiple of `kLanes` entries;
+/// the padding must have weight 0.
 class RobustWeights {
  public:
   static constexpr std::size_t kLanes = 2;

@@ -5,10 +5,10 @@
 
 namespace ktgp_orb::files {
 
-/// For a JPEG file that has its end marker: returns true if image data are missing nevertheless.
-/// OpenCV fills the missing part with grey and does not pass on libjpeg's warnings. `picture`: the
-/// image decoded from `bytes`. If no corner of `picture` has this grey, a baseline JPEG is assumed
-/// to be complete, so that few images need to be decoded twice. Returns false for other formats.
+/// Returns true if a JPEG file has its end marker, but image data are missing. OpenCV fills the
+/// missing part with grey and does not pass on libjpeg's warnings. `picture`: the image decoded
+/// from `bytes`. To decode few images twice, we assume that a baseline JPEG is complete if no
+/// corner of `picture` has this grey. Returns false for other formats.
 bool lacksData(std::string_view bytes, const cv::Mat& picture);
 
 }  // namespace ktgp_orb::files

@@ -97,9 +97,9 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// If a program was killed while it named its files, the file still has a temporary name besides
-/// its final name. Returns this temporary name; empty if there is none, or if that program is still
-/// running.
+/// If a program was killed while it gave its files their final names, the file still has a
+/// temporary name, too. Returns this temporary name; empty if there is none, or if that program is
+/// still running.
 std::string leftName(const std::string& target) {
   struct stat file, other;
   if (lstat(target.c_str(), &file) != 0 || !S_ISREG(file.st_mode) || file.st_nlink < 2) return {};
@@ -142,8 +142,8 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    // One option may have this value: the option that gives this output. `own` stays 0 if the
-    // output is not the value of an option.
+    // The option that gives this output names the same file, but no other option may.
+    // `own` stays 0 if no option gives the output.
     if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
@@ -262,8 +262,8 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // Remove the temporary names in reverse order, the last file's first: once that one is gone,
-  // isInterrupted() calls the run complete.
+  // Remove the temporary names in reverse order: users take the last file as the sign that the run
+  // is complete, and isInterrupted() returns false for it once its temporary name is gone.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

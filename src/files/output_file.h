@@ -72,13 +72,12 @@ class OutputFile {
   std::string target_;  ///< the same path with links resolved
   std::string unfinished_;
   int lock_ = -1;           ///< descriptor of the temporary file, which is locked
-  bool is_placed_ = false;  ///< final name given to a new file; takeBack() removes it
+  bool is_placed_ = false;  ///< whether takeBack() must remove the final name
 };
 
 /// All output files of a run. They get their final names together at the end of the run. If the
-/// program is killed while it names them, a file that already has its final name also has its
-/// temporary name still. isInterrupted() detects this, and the next run may replace the file
-/// without --force.
+/// program is killed meanwhile, a file that already has its final name still has its temporary
+/// name, too. isInterrupted() detects this, and the next run may replace the file without --force.
 class Outputs {
  public:
   explicit Outputs(bool force) : force_(force) {}
@@ -93,9 +92,9 @@ class Outputs {
   /// writes to the standard output if the path is "-".
   void writeText(const std::string& path, const std::string& text);
   void writeImage(const std::string& path, const cv::Mat& image);
-  /// Gives all complete files their final names; if this fails for one of them, none gets it. The
-  /// temporary name of the last file is removed only when all files have their final names. Throws
-  /// FileError.
+  /// Gives all complete files their final names. If this fails for one of them, removes the new
+  /// names again; files that were already replaced stay replaced. The temporary name of the last
+  /// file is removed only when all files have their final names. Throws FileError.
   void commit();
 
  private:
@@ -112,7 +111,8 @@ bool isInterrupted(const std::string& path);
 bool isStandardOutput(const std::string& output);
 
 /// Throws FileError with the reason why the file cannot be written. Image libraries do not tell the
-/// reason, so this function tries to write to the file. `otherwise`: reason to give if that works.
+/// reason, so this function tries to write to the file. `otherwise`: reason to give if writing
+/// succeeds.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
 /// These functions write a whole file. They throw FileError, for example if the disk is full; a

@@ -33,8 +33,8 @@ std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 /// `add` throws, throws std::invalid_argument with the entry's place, its id and the reason.
 void addTarget(const TargetEntry& entry, const std::function<void(const Target&)>& add);
 
-/// Reads the images of all entries and adds the targets to `finder`. Returns a text for each target
-/// that was refused, which says why.
+/// Reads the images of all entries and adds the targets to `finder`. For each target that was
+/// refused, returns a text that says why.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);
 
 }  // namespace ktgp_orb

@@ -23,9 +23,9 @@ struct GrowthPlan {
   /// The rounds end early if the search radius is at most this value, px, and the whole reference
   /// is within reach.
   float enough_radius;
-  /// Radius of the first search after the rounds, in the whole reference (Grower::settle), px;
-  /// later searches halve it. Outside the region of the rounds, predictions may be wrong by this
-  /// distance.
+  /// Search radius with which Grower::settle begins after the rounds, px; it halves the radius
+  /// after each search. Each search covers the whole reference; outside the region that the rounds
+  /// reached, predictions may be off by this distance.
   float settle_radius;
   /// Maximum number of refits at the last radius; they go on while the number of matches increases.
   int last_rounds;
@@ -46,7 +46,7 @@ constexpr GrowthPlan kTargetPlan{7, 90.0, 1.4, 16.F, 0.83F, 10.F, 16.F, 1, 8, 3,
 
 /// Grows a map from a seed (Ferrari, Tuytelaars & Van Gool, ECCV 2004, expand and contract). Each
 /// round uses the map to match in a region around the seed, fits the map again, enlarges the region
-/// and reduces the search radius. Keeps its buffers.
+/// and reduces the search radius. Reuses its buffers from call to call.
 class Grower {
  public:
   explicit Grower(const GrowthPlan& plan) : plan_(plan) {}

@@ -27,7 +27,7 @@ struct LocalMatch {
 };
 
 /// Matches keypoints of the reference to target keypoints near their predicted positions, with the
-/// predicted direction and size. Keeps its buffers.
+/// predicted direction and size. Reuses its buffers from call to call.
 class LocalMatcher {
  public:
   static constexpr int kMaxDistance = 80;

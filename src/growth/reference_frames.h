@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::growth {
 
-/// The keypoints of the reference and of its simulated views, all in px of the reference. Keeps its
-/// buffers.
+/// The keypoints of the reference and of its simulated views, all in px of the reference. Reuses
+/// its buffers from call to call.
 class ReferenceFrames {
  public:
   /// `views`: may be null.

@@ -122,16 +122,16 @@ struct Grown {
   std::vector<LocalMatch> matches;
   PointPairs pairs;                  // point pairs of `matches`
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
-  // Whether growFromRepeats() has already tried the `repeats` of this homography.
+  // True if growFromRepeats() has already tried the `repeats` of this homography.
   bool grew_from_repeats = false;
 };
 
-/// A facade also fits itself if it is shifted by one window, and a rose window if it is rotated by
-/// one spoke. A homography with such a shift or rotation is not due to chance, but may be wrong.
-/// Returns true if two conditions hold: `rival` does not have significantly fewer matches than
-/// `grown`, and more than a quarter of the rival's matches are at places of the target that `grown`
-/// covers, too, but show other places of the reference. `target`: size of the target. `covered`:
-/// buffer.
+/// Returns true if `rival` is a serious alternative to `grown`. In a repetitive scene, a wrong
+/// homography can have many matches: a facade also fits itself after a shift by one window, and a
+/// rose window after a rotation by one spoke. `rival` contradicts `grown` if it does not have
+/// significantly fewer matches, and if more than a quarter of its matches lie where `grown` has
+/// matches in the target, but do not agree with `grown` (error of 10 px or more). `target`: size of
+/// the target. `covered`: buffer.
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered);
 

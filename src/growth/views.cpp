@@ -110,12 +110,13 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
   return squeezed;
 }
 
-/// Whether an image is long, such as a tape or a panorama. Rotated by 45 degrees, a long image
-/// would need a square as long as the image. So the views of a long image are rotated until its
-/// long side lies along the rows; they are then hardly larger than the image. Views may be rotated,
-/// since descriptors do not depend on the rotation.
+/// Returns true if an image is long, such as a tape or a panorama. Rotated by 45 degrees, a long
+/// image would need a square as long as the image. So the views of a long image are rotated until
+/// its long side lies along the rows; they are then hardly larger than the image. Views may be
+/// rotated, since descriptors do not depend on the rotation.
 bool isLong(const cv::Size& size) {
-  // Above this ratio, the square has more than three times as many pixels as the image.
+  // If the ratio of the sides is larger, this square has more than three times as many pixels as
+  // the image.
   constexpr int kRatio = 4;
   return std::max(size.width, size.height) > kRatio * std::min(size.width, size.height);
 }
@@ -142,7 +143,7 @@ cv::Mat insideOf(const cv::Size& image, double border, const Eigen::Matrix<doubl
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  // Width of the patch of a descriptor on the finest level, px of the image.
+  // Side of a descriptor's patch on the finest pyramid level, px of the image.
   const double margin = 31.0 / std::pow(options.scale_factor, options.first_level);
   const Eigen::Matrix2d turn = rotation(angle);
   Eigen::Matrix2d linear = Eigen::Vector2d(1.0 / tilt, 1.0).asDiagonal() * turn;

@@ -8,7 +8,8 @@ namespace {
 
 // Largest distance between a match and its voters, px of the reference.
 constexpr float kReach = 120.F;
-constexpr float kCosine = 0.877583F;    // cosine of the largest difference of rotation, 0.5 rad
+// Cosine of 0.5 rad, the largest difference between two rotations.
+constexpr float kCosine = 0.877583F;
 constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of scales, 1.6
 // A voter may be off its predicted position by kSlack px of the target, plus kRelativeSlack times
 // the predicted distance between the voter and the match in the target.

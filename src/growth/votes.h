@@ -15,8 +15,8 @@ namespace ktgp_orb::growth {
 /// match that has a similar rotation and scale and whose target keypoint is where this transform
 /// predicts it. (In Lowe, IJCV 2004, each match votes for a pose of the whole object; here the
 /// transform must hold only nearby, so perspective does no harm.) Votes count once per 8x8 px of
-/// either image, so a corner found in several octaves, or a cluster of corners, counts once. Keeps
-/// its buffers.
+/// either image, so a corner found in several octaves, or a cluster of corners, counts once. Reuses
+/// its buffers from call to call.
 class Votes {
  public:
   /// Two keypoints that may show the same point, and the similarity transform that they give.

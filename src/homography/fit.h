@@ -29,7 +29,7 @@ std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d&
                         double limit, std::vector<std::uint8_t>& inlier);
 
 /// Defines the problem that estimation::ProsacSearch solves: find a homography between normalised
-/// coordinates. Keeps its buffers from call to call.
+/// coordinates. Reuses its buffers from call to call.
 class HomographyProblem {
  public:
   using Model = Eigen::Matrix3d;
@@ -80,7 +80,7 @@ struct EvidenceOptions {
 };
 
 /// Fits the most likely homography (see homography/reprojection_fit.h) to all pairs that it may
-/// explain, and estimates its uncertainty. Keeps its buffers from call to call.
+/// explain, and estimates its uncertainty. Reuses its buffers from call to call.
 class HomographyFit {
  public:
   using Matrix8 = ReprojectionFit::Matrix8;
@@ -118,7 +118,7 @@ EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
 /// Estimates a homography again from more points or from more accurate points. It starts at the
-/// given homography and draws no samples. Keeps its buffers from call to call.
+/// given homography and draws no samples. Reuses its buffers from call to call.
 class HomographyRefiner {
  public:
   /// Refines `estimate`. All values must be finite and in pixels. Returns true on success; then

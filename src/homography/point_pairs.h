@@ -100,8 +100,8 @@ struct PointArrays {
 };
 
 /// Shifts points so that their centroid is the origin, and scales them so that the mean of |x| +
-/// |y| is 1 (as Hartley, PAMI 1997). Without this, single precision and the normal equations would
-/// not be accurate enough.
+/// |y| is 1 (as in Hartley, PAMI 1997). Without this, single precision and the normal equations
+/// would not be accurate enough.
 struct Normalisation {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;

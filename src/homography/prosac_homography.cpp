@@ -48,7 +48,8 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   return found;
 }
 
-/// Fits the homography that the search found, and sets the result if the verdict allows it.
+/// Fits the homography that the search found, and sets the result if the verdict trusts this
+/// homography.
 void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& reference_size,
                                    ProsacResult& result) {
   homography::EvidenceOptions evidence;

@@ -30,7 +30,7 @@ double sum(const Lanes& lanes) {
 
 /// Two reference points mapped by H, one in each lane, and their errors in the target.
 struct Projection {
-  Lanes x, y, z;  // with w = third coordinate of H x, x, y: reference point / w; z: 1 / w
+  Lanes x, y, z;  // x, y: reference point / w (w: third coordinate of the mapped point); z: 1 / w
   Lanes u, v;     // projected point
   Lanes du, dv;   // error: projected point - target point
 

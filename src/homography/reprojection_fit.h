@@ -13,7 +13,7 @@ namespace ktgp_orb::homography {
 /// Fits H's first eight entries, with H(2,2) = 1, by maximum likelihood. The reprojection errors in
 /// the target are assumed to have Student's t distribution. The reason is that keypoints of coarse
 /// octaves are several times less accurate than keypoints of fine octaves. So the errors have heavy
-/// tails, and the least accurate pairs would dominate a least-squares fit. Keeps its buffers from
+/// tails, and the least accurate pairs would dominate a least-squares fit. Reuses its buffers from
 /// call to call.
 class ReprojectionFit {
  public:
@@ -68,7 +68,7 @@ class ReprojectionFit {
 
   Problem problem_;
   estimation::RobustFit<Problem> fit_;
-  bool by_cell_ = false;              // whether weighByCell() has set factor_
+  bool by_cell_ = false;              // true if weighByCell() has set factor_
   std::vector<double> factor_;        // weight factor c of each pair
   std::vector<std::size_t> cell_;     // index of the cell of each pair
   std::vector<std::size_t> in_cell_;  // number of pairs in each cell

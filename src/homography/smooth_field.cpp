@@ -254,8 +254,8 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Maximum number of rows and of columns of cells. Keypoints may be outside the image; those
-  // beyond the last row or column are counted in that row or column.
+  // Maximum number of rows and of columns of cells. Keypoints may be far outside the image; then
+  // they are counted in the last row or column.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));

@@ -71,7 +71,7 @@ struct FieldFit {
 /// a fifth of a pixel, nearly all keypoints stay on the same pixel. Rounding errors are treated as
 /// a field with known variance and the same covariance model, in which l is the distance over which
 /// the displacement changes by a pixel. If this distance is short, rounding errors average out.
-/// Keeps its buffers from call to call.
+/// Reuses its buffers from call to call.
 class SmoothField {
  public:
   /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
@@ -97,7 +97,7 @@ class SmoothField {
     Eigen::Vector2d error = Eigen::Vector2d::Zero();  // sum of w r, where r is a pair's error
     Slope slope = Slope::Zero();                      // sum of w J, where J is a pair's slope
     Slope slope2 = Slope::Zero();                     // sum of w² J
-    Slope smoothed = Slope::Zero();                   // sum of exp(-d/l) `slope` over all cells
+    Slope smoothed = Slope::Zero();  // sum of exp(-d/l) times `slope` over all cells
   };
   /// A statistic of the errors, its expectation for a field with tau² = 1, and its expectation for
   /// noise with sigma² = 1.

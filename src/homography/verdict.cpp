@@ -66,8 +66,9 @@ bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double thre
                                             double log_limit) {
   const double covered_area = estimation::coveredArea(pairs.target);
   // The bound on the number of false alarms holds for any order of the inliers, if we use the
-  // largest error of the inliers counted so far. With a good homography, the inliers pass in the
-  // order of the input, after a few of them. Only for a poor homography do we have to sort them.
+  // largest error of the inliers counted so far. A good homography is accepted after a few inliers,
+  // in the order of the input. Only if it is not accepted in this order do we have to sort the
+  // inliers.
   if (!explainable(pairs, threshold, covered_area, log_limit)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;

@@ -20,7 +20,7 @@ namespace ktgp_orb::homography {
 /// An inlier counts only if it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
 /// support a homography only once. Four pairs are never enough. Five exact pairs are enough, and so
-/// are six of eight pairs with errors of 3 px. Keeps its buffers from call to call.
+/// are six of eight pairs with errors of 3 px. Reuses its buffers from call to call.
 class HomographyVerdict {
  public:
   /// Returns true if the homography of `answer`, in px, can be trusted. `pairs`: the matches that

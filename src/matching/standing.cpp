@@ -78,7 +78,8 @@ void Standing::collect(const Features& reference, const Features& target,
 }
 
 bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  constexpr std::size_t kLeast = 20;  // of moving matches; at most ten agree by chance
+  // Minimum number of moving matches; at most ten agree by chance.
+  constexpr std::size_t kLeast = 20;
   // Minimum number of moving matches, as a share of the number of still matches.
   constexpr double kLeastShare = 0.05;
   // Minimum spread of the moving matches, as a share of the spread of the still matches. If the

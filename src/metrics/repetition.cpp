@@ -60,7 +60,7 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
 
 /// Removes slow changes of brightness from the picture, because they look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // standard deviation of the blur / longer side of the picture
+  constexpr double kSlow = 0.08;  // deviation of the blur, as a share of the longer side
   cv::Mat shades, rest;
   cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);

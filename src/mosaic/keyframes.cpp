@@ -20,7 +20,7 @@ constexpr std::size_t kLeastInliers = 30;
 
 }  // namespace
 
-/// Share of the frame that the keyframe covers.
+/// Returns the share of the frame that the keyframe covers.
 double Keyframes::overlap(const Keyframe& keyframe, const cv::Size& size,
                           const Eigen::Matrix3d& from_map) const {
   const Eigen::Matrix3d to_keyframe = keyframe.from_map * from_map.inverse();

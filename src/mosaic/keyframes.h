@@ -27,8 +27,7 @@ class Keyframes {
   std::vector<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
                                       bool chained);
 
-  /// Share of a frame that the keyframe with the largest overlap covers, 0..1. `size`: size of the
-  /// frame, px.
+  /// Largest share of a frame that one keyframe covers, 0..1. `size`: size of the frame, px.
   double coverage(const cv::Size& size, const Eigen::Matrix3d& from_map) const;
 
   void add(Features features, const Eigen::Matrix3d& from_map);

@@ -47,7 +47,8 @@ constexpr std::int64_t kPredictable = 100'000'000;
 constexpr double kElsewhere = 0.1;
 // The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
-// A frame that deviates from a pure turn by more than this multiple of largestOff() has moved.
+// If a frame deviates from a pure turn by more than this multiple of largestOff(), the camera has
+// moved.
 constexpr double kMoved = 4.0;
 // Number of poses that are kept for testTurn(). The test is repeated while the distance between the
 // middles of the newest and the first frame is between kFirstTest and kLastTest, in frame widths.
@@ -222,7 +223,8 @@ struct Mosaic::Impl {
     const Eigen::Vector2d before = middleInMap(*last);
     Eigen::Vector2d predicted = before;
     if (is_predictable) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
-    constexpr double kNoSurprise = 4.0;  // px: half of the shortest period in a frame of 200 px
+    // In px; half of the shortest period that can be found in a frame of 200 px.
+    constexpr double kNoSurprise = 4.0;
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
     if (half_period == 0.0) return false;
@@ -309,7 +311,8 @@ struct Mosaic::Impl {
     return found;
   }
 
-  /// Whether all keyframes that match the frame give the same place.
+  /// Returns true if all keyframes that match the frame give nearly the same place (see
+  /// kElsewhere).
   bool isOnePlace(const std::vector<Eigen::Matrix3d>& places) const {
     const double far = kElsewhere * std::min(size.width, size.height);
     const Eigen::Vector2d place = middleInMap(places.front());
@@ -318,7 +321,8 @@ struct Mosaic::Impl {
     });
   }
 
-  /// Whether the map shows a full turn. Its width is in whole px, so less than 1 px may be missing.
+  /// Returns true if the map shows a full turn. Its width is in whole px, so less than 1 px may be
+  /// missing.
   bool isClosed() const {
     return !surface().isPlane() && tiles.area().width + 1 > surface().period();
   }
@@ -348,7 +352,7 @@ struct Mosaic::Impl {
   }
 
   /// Changes the map from the plane to a cylinder if the camera has only turned so far. Returns
-  /// whether the map has changed.
+  /// true if the map has changed.
   bool bend() {
     if (!surface().isPlane()) return false;
     turn = mosaic::testTurn(turn_poses, size, camera);
@@ -366,7 +370,7 @@ struct Mosaic::Impl {
       if (*each) *each = to_cylinder(**each);
     }
     drawn = to_cylinder(drawn);
-    // The old velocity is in px of the plane.
+    // The old velocity is in px of the plane, so it is not valid on the cylinder.
     velocity.reset();
     return true;
   }

@@ -6,7 +6,7 @@
 
 namespace ktgp_orb::mosaic {
 
-/// Largest allowed scale of a frame in the map. The smallest allowed scale is the inverse of it.
+/// Largest allowed scale of a frame in the map. The smallest allowed scale is its inverse.
 inline constexpr double kLargestZoom = 4.0;
 
 /// The rotation R of a camera that explains a homography H best. If the camera only turned, H = K R
@@ -51,8 +51,8 @@ class Surface {
 
   /// Scales the homography: H(2,2) = 1 for the plane, determinant 1 for the cylinder.
   Eigen::Matrix3d scaled(const Eigen::Matrix3d& homography) const;
-  /// Returns the scaled pose. On the cylinder, this is the nearest pose of a camera that only
-  /// turned.
+  /// On the plane, returns the scaled pose. On the cylinder, returns the nearest pose of a camera
+  /// that only turned, scaled as by scaled().
   Eigen::Matrix3d fitted(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
   /// Deviation of the pose from the nearest pose of a camera that only turned, px (rms); 0 for the
   /// plane.

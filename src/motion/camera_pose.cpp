@@ -24,7 +24,7 @@ Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector
   const double sine = axis.norm();
   const double cosine = from.dot(to);
   // If the directions are opposite, the cross product is mostly rounding error. Then half a turn
-  // about any axis perpendicular to `from` leads to `to`.
+  // about any axis perpendicular to `from` turns it into `to`.
   const double least = cosine < 0.0 ? 1e-8 : 0.0;
   return rotationAbout(std::atan2(sine, cosine) *
                        (sine > least ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));

@@ -28,7 +28,7 @@ Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
 /// aboutUp(): the rotation by `yaw`, rad, about the z axis. yawOf(): the yaw of a rotation, rad.
 Eigen::Matrix3d aboutUp(double yaw);
 double yawOf(const Eigen::Matrix3d& rotation);
-/// The smallest rotation that turns `from` to `to`; both have length 1.
+/// The smallest rotation that turns `from` into `to`; both have length 1.
 Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
 /// The pose after a step. The first three entries of the step move the position in the ground frame
@@ -42,9 +42,9 @@ Eigen::Matrix3d imageFromGround(const CameraPose& pose);
 /// to a factor. Empty if there is no such pose above the ground.
 std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
 
-/// The logarithm in SE(3) of the motion from `from` to `to`: the velocity and angular velocity (in
-/// the moving camera's frame) that, if they stay constant, move the camera this way, multiplied by
-/// the duration.
+/// The velocity and angular velocity (in the moving camera's frame) that move the camera from
+/// `from` to `to` if they stay constant, multiplied by the duration. In other words, the logarithm
+/// in SE(3) of the motion.
 Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
 /// Jacobian of constantTwist() with respect to a step (see moved()) of `from` (6 columns) and a
 /// step of `to` (6 columns).

@@ -73,7 +73,8 @@ void GroundFilter::setReadout(double seconds) {
 }
 
 /// An unknown readout time is between -r and r. Here r is the time between two images, but at most
-/// 1/30 s, since nearly every camera takes 30 images a second.
+/// 1/30 s, since nearly every camera can take 30 images a second, and reads an image out in less
+/// than this time.
 void GroundFilter::allowReadout(double seconds) {
   constexpr double kLongest = 1.0 / 30.0;  // s
   // r² divided by the variance of a uniform distribution over [-r, r]
@@ -288,9 +289,9 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
-  // In a straight flight, the images show nothing of the readout time. Over many frames, however,
+  // In a straight flight, the readout time cannot be seen in the images. Over many frames, however,
   // the filter would mistake noise of the image flow (see Shutter) for information on the readout
-  // time. So the readout time is corrected only if a usual value of it, kUnknownReadout, would
+  // time. So the readout time is corrected only if a typical readout time (kUnknownReadout) would
   // change the constraints by more than their noise.
   if (constraints_by_state_.col(kReadout).norm() * util::kUnknownReadout < 1.0) {
     constraints_by_state_.col(kReadout).setZero();

@@ -20,8 +20,8 @@ struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   /// Jacobian of these small rotations with respect to small rotations of the camera at the
-  /// keyframe: if the keyframe's pose is tilted because of a wrong normal of the ground, `rotation`
-  /// changes by this much.
+  /// keyframe: it shows how much `rotation` changes if the keyframe's pose is tilted because the
+  /// normal of the ground is wrong.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 
@@ -43,11 +43,12 @@ class GroundFilter {
 
   /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
   void setReadout(double seconds);
-  /// If the readout time is unknown, lets the filter consider values up to `seconds`, the time
+  /// If the readout time is unknown, lets the filter consider values up to +- `seconds`, the time
   /// between two images (at most 1/30 s), because an image is read out completely before the next
   /// one begins. Call this before adding the second image.
   void allowReadout(double seconds);
-  /// Limits the estimate of the readout time to `seconds`. Call this after adding the second image.
+  /// Limits the estimate of the readout time to +- `seconds`. Call this after adding the second
+  /// image.
   void limitReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
@@ -78,9 +79,10 @@ class GroundFilter {
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects the state with a linearised reading, `rows`. `of_kind`: estimates the noise of this
-  /// kind of reading from the innovations; this innovation is added to it. `ground`: identifies the
-  /// ground below the camera, see Innovations::add. A reading that contradicts the prediction gets
-  /// less weight, see update(). Returns the misfit of the reading in standard deviations.
+  /// kind of reading from the innovations; the innovation of this reading is added to it. `ground`:
+  /// identifies the ground below the camera, see Innovations::add. A reading that contradicts the
+  /// prediction gets less weight, see update(). Returns the misfit of the reading in standard
+  /// deviations.
   template <int kRows>
   double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
@@ -143,7 +145,7 @@ class GroundFilter {
   CameraPose now_;
   double readout_ = 0.0;   // s
   double allowed_ = 0.0;   // the longest readout time that the covariance allows for, s
-  bool is_known_ = false;  // whether the readout time was given
+  bool is_known_ = false;  // true if the readout time was given
   StateCovariance covariance_ = StateCovariance::Zero();
   // The two constraints that the newest homography adds, scaled to unit noise, and their
   // derivatives with respect to the readout time and the map.

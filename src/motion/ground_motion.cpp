@@ -27,7 +27,7 @@ using motion::Matrix6;
 
 // Largest accepted misfit of a homography, in standard deviations.
 constexpr double kHomographyLimit = 10.0;
-constexpr int kPatience = 10;  // after this many refused frames in a row, the motion begins anew
+constexpr int kPatience = 10;          // after so many refused frames, go on as after a gap
 constexpr double kUnknownTilt = 0.35;  // rad
 // Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
 constexpr double kOrigin = 1e-6;
@@ -60,15 +60,15 @@ struct GroundMotion::Impl {
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
-  /// Whether the time since the last pose is known. It is not if `frame` has an earlier stamp than
-  /// the last pose, because the stamp of that pose was ahead of its time.
+  /// Returns true if the time since the last pose is known. It is unknown if `frame` has an earlier
+  /// stamp than the last pose, because the stamp of that pose was ahead of its time.
   bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
   GroundFilter filter;
   GroundEstimate estimate;
-  bool has_pose = false;      // whether the frame at last_stamp has a pose
-  bool is_connected = false;  // whether the map of the keyframe is valid
+  bool has_pose = false;      // true if the frame at last_stamp has a pose
+  bool is_connected = false;  // true if the map of the keyframe is valid
   std::int64_t last_stamp = 0;
   std::optional<TurnReading> turned;  // rotation since last_stamp; empty if a reading was missing
   std::int64_t newest_stamp = 0;      // stamp of the newest frame, with or without a homography
@@ -90,13 +90,14 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  // Decaying sum of (turn that the gyroscope reads) * (turn that the images show), rad².
+  // Sums over the frames, in which older frames count less: the scalar product of the rotation
+  // vectors that the gyroscope and the images show, and the squared vector of the images, rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
   // Angular velocity of the newest TurnReading, rad/s.
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();
   int contradictions = 0;  // number of successive refused frames
-  // The pose that setPose() asked for; empty once the base was moved there.
+  // The pose that setPose() asked for; empty after the base has been moved there.
   std::optional<Pose3> destination;
   Covariance6 destination_covariance = Covariance6::Zero();
 };
@@ -141,21 +142,21 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
 }
 
 /// Returns true if the frame must be left out because its stamp is older than the previous one; see
-/// StampOrder. If a frame without a homography has a later stamp, StampOrder is not told of it: the
-/// frame gives no pose, so a stamp ahead of its time does no harm.
+/// StampOrder. A frame without a homography is passed to StampOrder only if its stamp is older: it
+/// gives no pose, so a stamp ahead of its time does no harm.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  // The last velocity was computed with a wrong duration.
+  // An accepted stamp was ahead of its time, so the last velocity is based on a wrong duration.
   if (place.was_one_ahead) velocity.interrupt();
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
   return place.is_apart;
 }
 
-/// Clears the state, so that the next frame begins anew. A state that is not finite would never
-/// recover.
+/// Clears the state after it became infinite or NaN, because it would never recover. The next frame
+/// begins anew.
 void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
@@ -182,16 +183,16 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  // Over relief, homographies do not fit because the ground is not a plane, not because they are
-  // noisy. So the noise of the readings is enlarged instead, see Relief::widened.
+  // Over relief, homographies fit badly because the ground is not a plane; they are not noisier
+  // than elsewhere. So the noise of the readings is enlarged instead, see Relief::widened.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   if (is_connection) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
-      // This is the process noise of height and tilt, since the slope of the ground may change
-      // between keyframes.
+      // The slope of the ground may change between keyframes, so the height and the tilt become
+      // less certain; their variance grows in proportion to the distance flown.
       const Eigen::Vector3d position = filter.pose().position;
       const double share = (position - keyframe_position).norm() / position.z();
       const double variance = options.ground_slope * options.ground_slope * share;
@@ -259,7 +260,8 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
 }
 
-/// Makes the reference of `image` the keyframe, after the newest pose was found without a map.
+/// Ends beginAt() and resume(): makes the reference of `image` the keyframe and connects the next
+/// frames to it. Returns `status`, or no_normal if the tilt is not known.
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;
@@ -314,9 +316,9 @@ void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion&
                  has_down ? frame.down : std::nullopt);
 }
 
-/// For a frame that is not connected to earlier frames: sets the height and the tilt for which the
-/// frame has readings, and makes them nearly unknown, so that only the readings determine them. The
-/// first pose gets an unknown tilt even without a reading.
+/// Call this for a frame that is not connected to earlier frames. If the frame has a reading of the
+/// height or the normal, moves the pose to it and makes the height or the tilt nearly unknown, so
+/// that only the reading determines it. The first pose gets an unknown tilt even without a reading.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   const CameraPose placed =
       onGround(frame, filter.pose(), options.camera_to_base.inverse().translation());

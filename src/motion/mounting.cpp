@@ -28,11 +28,12 @@ constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
 // Largest mounting error for which the first-order model is good enough.
 constexpr double kLargest = 0.35;  // rad
-// Factor on the variances, measured on flights. It is needed because successive differences share a
-// block, so their errors are not independent.
+// The variances are multiplied by this factor, measured on flights. Without it they are too small,
+// because successive differences share a block, so their errors are not independent.
 constexpr double kShared = 1.5;
-// kLeastNoise: minimum standard deviation of the noise of a block. If the rotation or the change of
-// the angular velocity within a block is smaller than kLeastTurn or kLeastRate, it is not used.
+// kLeastNoise: minimum standard deviation of the noise of a block. A rotation within a block is
+// used only if it is larger than kLeastTurn, and a change of the angular velocity only if it is
+// larger than kLeastRate.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
@@ -141,8 +142,8 @@ void Mounting::endBlock() {
   seconds_ = 0.0;
 }
 
-/// Sets the derivatives in `slope` to zero that are so small that they may be nothing but noise of
-/// this variance, or second-order effects. Over time they would add up to false information.
+/// Sets derivatives in `slope` to zero if they are so small that they may be mere noise with this
+/// variance, or second-order effects. Over time they would add up to false information.
 void Mounting::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
@@ -192,7 +193,8 @@ void Mounting::solve() {
     information.diagonal().array() += prior.array().square().inverse();
     covariance_ = inverseOf(information);
     unknowns_ = covariance_ * weighted_ / noise_;
-    // Number of degrees of freedom of the measurements that the unknowns use up.
+    // Number of unknowns that the measurements (and not the prior) determine. The residuals lose
+    // this many degrees of freedom.
     const double used = (covariance_ * seen).trace();
     const double rest =
         square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
@@ -296,7 +298,7 @@ void append(const char* what, const std::string& more, std::string& text) {
   if (!more.empty()) text += (text.empty() ? what : std::string("; ") + what) + more;
 }
 
-/// Returns a predicate: whether a value is larger than `least` and too large to be mere noise.
+/// Returns a function that tells if a value is larger than `least` and too large for mere noise.
 auto matters(double least) {
   return [least](double value, double deviation) {
     constexpr double kCertain = 4.0;  // deviations
@@ -322,8 +324,8 @@ std::string troubleOf(const ImuMounting& imu) {
   const auto turns_too_far = matters(0.5 / kDegrees);  // rad
   const auto is_too_late = matters(0.004);             // s
   const auto drifts = matters(0.5 / kDegrees);         // rad/s
-  // As a share of the true rotation. It is less than 3 %, the scale error in the data sheets of
-  // cheap gyroscopes.
+  // Scale error as a share of the true rotation. The limit is below 3 %, which is the scale error
+  // that data sheets of cheap gyroscopes state.
   const auto is_another_scale = matters(0.02);
   std::string text;
   append("the Imu seems to be mounted ",

@@ -10,7 +10,7 @@
 namespace ktgp_orb::motion {
 
 /// Finds how an Imu is mounted and how late its stamps are, from the difference between its
-/// readings and the rotation that the pictures show.
+/// readings and the rotation that the images show.
 ///
 /// At each new frame, the sums of all earlier readings are rotated into the axes of the newest
 /// camera, by the rotation that the images show. For a perfect Imu, two vectors then stay constant:
@@ -47,7 +47,7 @@ class Mounting {
   using Unknowns = Eigen::Matrix<double, kSize, 1>;
   using Information = Eigen::Matrix<double, kSize, kSize>;
   using Slope = Eigen::Matrix<double, 3, kSize>;
-  /// A reading of the Imu, and its derivatives with respect to the unknowns.
+  /// A reading of the Imu (or a sum of readings), and its derivatives with respect to the unknowns.
   struct Said {
     Eigen::Vector3d value = Eigen::Vector3d::Zero();
     Slope slope = Slope::Zero();
@@ -64,11 +64,11 @@ class Mounting {
   void learn(Said difference);
   void solve();
 
-  bool was_added_ = false;    // whether add() was called for this frame
-  bool is_running_ = false;   // whether add() was called for the last frame
+  bool was_added_ = false;    // true if add() was called for this frame
+  bool is_running_ = false;   // true if add() was called for the last frame
   bool gives_turns_ = false;  // true if the Imu gives TurnReadings, false for DownReadings
   int without_turn_ = 0;      // number of successive frames without a TurnReading
-  SeenTurn last_;             // rotation since the keyframe that the last image showed
+  SeenTurn last_;             // rotation from the keyframe to the last image
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
   Said turned_;  // sum of the Imu's rotations since begin(), minus the rotations seen in the images

@@ -46,9 +46,9 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
     slope.col(i) =
         entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
   }
-  // In simulated pictures without noise, the deviation is nearly 0. The linearisation errors of the
-  // filter are larger than this deviation, and the covariance of the filter would become
-  // indefinite.
+  // For simulated images without noise, the covariance is nearly 0. The linearisation errors of the
+  // filter are then larger than the noise, and its covariance would become indefinite. So a small
+  // variance is added.
   constexpr double kLeast = 1e-6;  // share of the focal length: 0.0005 px for 500 px
   motion.covariance = slope * covariance * slope.transpose();
   motion.covariance.diagonal().array() += kLeast * kLeast;
@@ -83,7 +83,7 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
 }
 
 bool looksDown(const Eigen::Vector3d& down) {
-  // Least cosine of the angle between the optical axis and the direction to the ground.
+  // Smallest cosine of the angle between the optical axis and the direction to the ground.
   constexpr double kHorizon = 0.1;
   return down.z() > kHorizon;
 }

@@ -18,7 +18,7 @@ using Matrix86 = Eigen::Matrix<double, 8, 6>;
 struct ImageMotion {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
   Matrix8 covariance = Matrix8::Zero();
-  /// Change of the entries per second of readout time, see Shutter::add.
+  /// Correction of the entries per second of readout time, computed by Shutter::add().
   Vector8 by_readout = Vector8::Zero();
 };
 
@@ -29,7 +29,7 @@ inline constexpr double kOfKeyframe = 0.6;
 inline constexpr double kOfFrame = 0.4;
 
 /// Converts a homography from pixels to focal length 1. `camera`: K. A variance of (1e-6)² is added
-/// to each entry, so that no deviation is 0 for pictures without noise.
+/// to each entry, so that no deviation is 0 for images without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
 
@@ -66,9 +66,9 @@ bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 
-/// Changes `pose` so that it has the height and the normal of the ground that the readings of
-/// `frame` give. The camera is rotated as little as possible, and the base keeps x and y. `lever`:
-/// position of the base in the camera's frame.
+/// Returns `pose` with the height and the normal of the ground that the readings of `frame` give.
+/// The camera is rotated as little as possible, and the base keeps x and y. `lever`: position of
+/// the base in the camera's frame.
 CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eigen::Vector3d& lever);
 /// The first pose: the base is above the origin of the odometry frame, and their x axes point in
 /// the same direction. `frame` must have a height.

@@ -63,8 +63,8 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   motion_ = motion;
   if (size.empty() || !flow_.allFinite()) return Vector8::Zero();
 
-  // Fits the change of the homography by least squares over a grid of points in the reference.
-  // Points that the frame does not show are left out.
+  // Fits the correction of the homography by least squares to the shifts of a grid of points in the
+  // reference. Points that the frame does not show are left out.
   constexpr int kGrid = 7;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
   // How much later a row is exposed, as a share of the readout time, if its y (at focal length 1)

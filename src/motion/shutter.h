@@ -9,11 +9,11 @@ namespace ktgp_orb::motion {
 
 /// Finds the effect of a rolling shutter on a homography.
 ///
-/// A row below the middle row is exposed later than the middle row, by its share of the readout
-/// time. Meanwhile the picture moves; this flow is computed from successive homographies. If the
-/// points of both pictures are moved to where they were when the middle row was exposed, they give
-/// the homography of a global shutter. To first order, this homography is the measured one plus the
-/// readout time times a vector. This class computes the vector.
+/// A row below the middle row is exposed later than the middle row, the last row by half of the
+/// readout time. Meanwhile the image moves; this motion (the flow) is computed from successive
+/// homographies. If the points of both images are moved to where they were when the middle row was
+/// exposed, they give the homography of a global shutter. To first order, its entries are the
+/// measured entries plus the readout time times a vector. This class computes the vector.
 ///
 /// The flow is filtered, because its noise comes from the same homography that is to be corrected.
 /// Without the filter, this noise would look like a rolling shutter during a steady motion.

@@ -26,8 +26,8 @@ void requireUsable(const char* name, const std::optional<Reading>& reading) {
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
 }
 
-/// Returns true if the homography maps at least one point of the reference into the image. A
-/// homography that was computed from matches always does.
+/// Returns true if the homography maps at least one point of a grid over the reference into the
+/// image. A homography that was computed from matches always does.
 bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
   constexpr int kSteps = 8;
   for (int i = 0; i <= kSteps; ++i) {

@@ -9,7 +9,7 @@ namespace ktgp_orb::motion {
 void requireValid(const GroundMotionOptions& options);
 /// Throws std::invalid_argument if a part of the frame is not usable. The message names this part.
 void requireValid(const GroundFrame& frame);
-/// Whether the covariance is finite and positive definite.
+/// Returns true if the covariance is finite and positive definite.
 bool isUsable(const Covariance8& covariance);
 
 }  // namespace ktgp_orb::motion

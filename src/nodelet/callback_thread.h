@@ -14,7 +14,7 @@ namespace ktgp_orb {
 /// The nodelets run their callbacks here and not in the manager's threads, because a manager thread
 /// holds a reference to the nodelet during a callback. If the nodelet is unloaded meanwhile, the
 /// manager thread releases the last reference, and so destroys the nodelet, after the unload has
-/// returned. Then the nodelet's other callback queue in the manager is already gone.
+/// returned. By then, the manager has already deleted its callback queues for this nodelet.
 class CallbackThread {
  public:
   /// The queue for ros::NodeHandle::setCallbackQueue(). If use() is never called, no thread starts.

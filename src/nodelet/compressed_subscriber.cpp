@@ -21,7 +21,8 @@ class CompressedSubscriber
     sensor_msgs::ImageConstPtr image;
     try {
       image = decodedImage(*message);
-    } catch (const RefusedImage& reason) {  // the node reports and counts the image without pixels
+    } catch (const RefusedImage& reason) {
+      // The node reports and counts an image that has no pixels.
       image = undecodedImage(message->header, reason);
     }
     take(image);

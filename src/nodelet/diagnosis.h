@@ -43,8 +43,8 @@ class Diagnosis {
   std::uint64_t recent(const char* name) const;
   /// Counts and reports an image or message that cannot be used, with the reason.
   void refuse(const std::string& reason);
-  /// Records that the work on the frame with this stamp, begun at `start`, is done. Returns the
-  /// latency from the stamp to now, s; 0 without a stamp or a clock.
+  /// Call this when a frame is done. `stamp`: stamp of the frame. `start`: time when the work on it
+  /// began. Returns the latency from the stamp to now, s; 0 if the stamp or the ROS time is zero.
   double done(const ros::Time& stamp, Clock::time_point start);
 
   /// Reports a problem with the frames until it is cleared. `kind`: name that identifies the
@@ -55,7 +55,7 @@ class Diagnosis {
   void setFault(const std::string& kind, const std::string& text, bool log = true);
   /// Sets the text that the work's entry shows while there is no problem, for example "works".
   void setState(const std::string& text);
-  /// Sets a value that the work's entry shows unchanged under this name.
+  /// Sets a value that the work's entry in the diagnostics shows under `name`.
   void setValue(const std::string& name, const std::string& value);
   /// Sets the latency above which results are reported as late, s.
   void setMaxLatency(double seconds);

@@ -102,7 +102,8 @@ void GroundWork::addMatch(const MatchConstPtr& match) {
   }
 }
 
-/// Processes the waiting matches in order. A match waits for late readings, but at most max_age, s.
+/// Processes the waiting matches in order. A match waits for late readings, but for at most max_age
+/// seconds.
 void GroundWork::processComplete() {
   while (!waiting_.empty()) {
     const auto& [match, arrival] = waiting_.front();

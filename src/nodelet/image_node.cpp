@@ -13,7 +13,7 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr int kSilence = 3;  // an input counts as silent after this time without a message, s
+constexpr int kSilence = 3;  // s; an input is silent after this time without a message
 
 /// Returns true if ROS time is simulated and its clock never started.
 bool clockIsMissing() {
@@ -171,8 +171,8 @@ void NodeBase::reportStamps() {
 
 void NodeBase::reportRepeats() {
   constexpr double kMost = 0.1;  // a larger share of repeated images is reported
-  // When a camera stops, its images count as repeats until the standstill is noticed, after 0.1 s.
-  // One stop causes at most this many repeats, so no more than these are tolerated.
+  // Up to this many repeats in ten seconds are not reported: when a camera stops, its images count
+  // as repeats until Repeats detects the standstill.
   constexpr double kByStop = 10.0;
   const auto repeated = static_cast<double>(diagnosis_.recent(Diagnosis::kRepeated));
   const double images = repeated + static_cast<double>(diagnosis_.recent(Diagnosis::kDone));

@@ -20,8 +20,8 @@ class ImageStore {
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Raises the limits kImages and kLeast by `images`, for a nodelet that takes each image that
-  /// many frames later. Takes effect with the next image.
+  /// Raises the limits kImages and kLeast by `images`. Call this for a nodelet that takes each
+  /// image only `images` frames later. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
@@ -78,11 +78,11 @@ class ImageStore {
   }
 
   std::uint64_t next_ = 1;
-  std::uint64_t passed_ = 0;  // number of the newest image that was taken
+  std::uint64_t passed_ = 0;  // number of the newest image that take() has returned
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
   std::multimap<ros::Time, Stored> images_;  // two images may have the same stamp
-  std::deque<ros::Time> order_;              // stamps in order of arrival, including taken images
+  std::deque<ros::Time> order_;              // stamps in order of arrival, also of taken images
 };
 
 }  // namespace ktgp_orb

@@ -34,8 +34,8 @@ class Input {
   /// Subscribes or unsubscribes. Call it again after enable().
   void subscribe(bool wanted);
 
-  /// Checks whether messages arrive (see InputWatch); null if missing messages are not reported.
-  /// Used only in the slow queue, because it waits for the answers of the ROS master.
+  /// The InputWatch of this input; null if missing messages are not reported. Use it only in the
+  /// slow queue, because it waits for the answers of the ROS master.
   InputWatch* watch() { return watch_.get(); }
   /// Sets the number of publishers of the topic; called in the slow queue.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
@@ -97,7 +97,7 @@ class MessageInput : public Input {
 class SequenceNumbers {
  public:
   /// Number of images lost between the previous image and this one. 0 if the counter does not
-  /// increase, because it restarted or the publisher does not count.
+  /// increase, because it restarted or the publisher does not count, or if the gap exceeds kMost.
   std::uint32_t lostBefore(std::uint32_t number) {
     const std::optional<std::uint32_t> before = last_;
     last_ = number;
@@ -106,7 +106,7 @@ class SequenceNumbers {
     return lost <= kMost ? lost : 0;
   }
 
-  /// Makes lostBefore() ignore the previous image once.
+  /// Makes the next lostBefore() return 0.
   void restart() { last_.reset(); }
 
  private:

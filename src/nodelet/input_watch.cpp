@@ -12,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBetweenQuestions = 5;  // seconds between queries to the master during silence
+constexpr int kSecondsBetweenQuestions = 5;  // between queries to the master, if no message arrives
 const char* const kImageType = "sensor_msgs/Image";
 const char* const kCompressedType = "sensor_msgs/CompressedImage";
 

@@ -76,7 +76,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
 
   std::atomic<bool> lazy_{true};
   std::atomic<double> max_rate_{0.0};  // Hz
-  std::atomic<bool> is_fixed_{false};  // whether the reference mode is fixed
+  std::atomic<bool> is_fixed_{false};  // whether reference_mode is "fixed"
   MatcherFacts facts_;
 };
 
@@ -228,7 +228,7 @@ void MatcherNodelet::cameraArrived(const sensor_msgs::CameraInfoConstPtr& info) 
   sendConfiguration();
 }
 
-// Called once a second, since the reference file may have changed.
+// Reads the reference file again if it has changed. Called once a second, and by ~reset.
 void MatcherNodelet::rereadReference(bool at_once) {
   try {
     if (!settings_.rereadReference(at_once)) return;
@@ -242,8 +242,8 @@ void MatcherNodelet::rereadReference(bool at_once) {
 }
 
 // The reference that ~set_reference took from the stream is lost when the process ends. A parameter
-// at the master records that there was such a reference, so that the next process can report the
-// loss.
+// on the ROS master records that there was such a reference, so that the next process can report
+// the loss.
 void MatcherNodelet::beforeReport() {
   ros::NodeHandle node = privateNode(slow_queue_);
   const bool holds = facts_.holds_set_reference;

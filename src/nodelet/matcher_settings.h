@@ -29,9 +29,8 @@ class MatcherSettings {
   /// The next two functions throw RefusedImage for an unusable image.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
-  /// Reads the reference file again if it has changed. The file may be half written. So if
-  /// `at_once` is false, reads it only if it has not changed since the last call. Throws
-  /// RefusedImage.
+  /// Reads the reference file again if it has changed. If `at_once` is false, waits until the file
+  /// is the same in two successive calls, because it may be half written. Throws RefusedImage.
   bool rereadReference(bool at_once);
   const std::string& referenceFile() const { return reference_file_; }
 

@@ -30,8 +30,8 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  // A slow subscriber should not lose data, so the other topics have a longer queue. Of the
-  // pictures, it needs only the newest.
+  // The other topics have a longer queue, so that a slow subscriber loses no data. But it only
+  // needs the newest picture.
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 

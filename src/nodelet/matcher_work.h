@@ -20,7 +20,7 @@ constexpr const char* kStillThings = "frames with things that stand still";
 
 /// State that the worker shows to other threads.
 struct MatcherFacts {
-  std::atomic<bool> holds_set_reference{false};  ///< ~set_reference took the reference
+  std::atomic<bool> holds_set_reference{false};  ///< the reference came from ~set_reference
   std::atomic<int> longer_side{0};               ///< longer side of the last image, px
   std::atomic<Status> last_failure{
       Status::ok};  ///< status of the last frame that had a reference but failed

@@ -86,7 +86,7 @@ void StabilizerWork::follow(const HomographyStampedConstPtr& message) {
   diagnosis_.setValue("restarts", std::to_string(restarts_));
 }
 
-// Over a network, an image may arrive after its homography, so this waits for the image until a
+// Over a network, an image may arrive after its homography, so finish() waits for the image until a
 // newer image has arrived. If the worker is late, it processes only the newest frames and skips the
 // others.
 void StabilizerWork::finish() {

@@ -66,8 +66,8 @@ class TargetBook {
   void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
-  /// Writes the new list to another file beside the kept list; commit() of the result replaces the
-  /// kept list by it. Null if no list is kept.
+  /// Writes the new list to another file beside the kept list. Call commit() of the result to
+  /// replace the kept list. Null if no list is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;

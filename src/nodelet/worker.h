@@ -146,8 +146,9 @@ class Worker {
     inbox_.setLimits(kind, items, bytes);
   }
   void post(Job job) { inbox_.put(kCommand, 0, {std::move(job), nullptr, nullptr}); }
-  /// Sends a job that passes the message to `Use`, a member of State. The job may be dropped, see
-  /// Inbox. Returns how many older jobs were dropped. Allocates nothing in steady state.
+  /// Sends a job that calls `Use`, a member function of State, with the message. The job may be
+  /// dropped, see Inbox. Returns how many older jobs were dropped. Allocates nothing in steady
+  /// state.
   template <auto Use, typename Message>
   std::size_t put(std::size_t kind, std::size_t bytes,
                   const boost::shared_ptr<const Message>& message) {

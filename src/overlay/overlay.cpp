@@ -61,7 +61,7 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
 }
 
 /// Draws each final match: a line from the keypoint's position in the reference to its position in
-/// the target, with a dot at the latter.
+/// the target, where a dot is drawn.
 void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
@@ -227,8 +227,7 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-/// The part of the headline about the two-view geometry: the parallax, and the doubt if there is
-/// one.
+/// The part of the headline about the two-view geometry: the parallax, and the doubt, if any.
 std::string motionText(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
   std::string text;

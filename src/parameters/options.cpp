@@ -60,7 +60,7 @@ bool choosesForFixed(const Parameters& p) {
   return p.reference_mode == "fixed" && !is_of_a_preset;
 }
 
-/// The parameters that suit a fixed reference, because it may be seen from a very different
+/// Returns the parameters that suit a fixed reference, which may be seen from a very different
 /// viewpoint.
 Parameters wantedForFixed() {
   Parameters wanted;

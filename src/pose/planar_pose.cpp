@@ -120,7 +120,7 @@ struct PoseProblem {
 /// behind the camera or turned away.
 std::optional<PlanarPose> fitFrom(Eigen::Isometry3d pose, PoseProblem problem) {
   estimation::FitRules rules;
-  rules.most_steps = 300;  // because with large errors, Gauss-Newton zigzags in short steps
+  rules.most_steps = 300;  // many, because with large errors the fit zigzags in short steps
   // The fit has converged if no entry of a step is larger: rad for the rotation, share of the
   // distance for the position.
   rules.converged = 1e-7;
@@ -194,7 +194,7 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 // 75 and 90 % quantiles of the squared error should be 3, 15 and 99; in the frames of a real video,
 // they were 5, 21 and 71.
 constexpr double kPrior = 1.0;
-constexpr double kFreedom = 2.0;  // degrees of freedom: eight entries of H - six of a pose
+constexpr double kFreedom = 2.0;  // degrees of freedom: eight of H minus six of a pose
 
 /// Sorts two poses by their likelihood and sets PlanarPose::share. Removes the second pose if it is
 /// much less likely than the first.

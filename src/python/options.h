@@ -8,8 +8,8 @@
 
 namespace ktgp_orb::python {
 
-/// Which parameters an object accepts: those for matching a pair of images, or also those for a
-/// sequence.
+/// Which parameters an object accepts: the parameters for matching a pair of images, or also the
+/// parameters for a sequence.
 enum class Scope { pair, sequence };
 
 /// The constructor arguments of an object. They are stored so that pickle can make the same object

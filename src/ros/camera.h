@@ -53,7 +53,7 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                           const cv::Size& image_size);
 
-/// K of pixelCamera(); empty if pixelCamera() refuses the camera_info.
+/// The matrix K that pixelCamera() computes; empty if pixelCamera() refuses the camera_info.
 std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& info, Pixels pixels,
                                               const cv::Size& image_size);
 

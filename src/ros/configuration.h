@@ -24,7 +24,7 @@ struct Configuration {
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< initial reference of the fixed mode; null: none
   /// `reference_image` with its features already extracted, so that the image stream need not wait
-  /// for them; null: the stream extracts the features from reference_image.
+  /// for them; null: the matcher must extract them from reference_image.
   FramePtr reference_frame;
   util::GreyStretch stretch =
       util::GreyStretch::percentile;  ///< how 16-bit images are converted to 8 bits

@@ -54,8 +54,9 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
-// Standard deviations about each axis for readings without a covariance: of the direction of the
-// ground (rad), which tf or an Imu gives, and of the angular velocity, which an Imu gives.
+// Standard deviations per axis that we assume for readings without a covariance. The first is for
+// the direction of the ground from tf or an Imu, rad; the second is for the angular velocity from
+// an Imu.
 constexpr double kNormalDeviation = 0.5 * kDegree;
 constexpr double kGyroDeviation = 0.5 * kDegree;  // rad/s
 
@@ -251,7 +252,8 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
   // The ratio is 1 if the Imu's scale is right, and 0 while the camera has not turned enough. Noise
-  // alone changes it by less than 0.02, so a larger difference from both means a wrong scale.
+  // alone changes it by less than 0.02, so if it differs by more than kScale from 0 and from 1, the
+  // scale is wrong.
   constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
@@ -385,7 +387,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   DownReading reading;
   reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
-  if (!of_tf && config_.base_frame.empty()) return reading;  // the camera looks straight down
+  if (!of_tf && config_.base_frame.empty()) return reading;  // assume that the camera looks down
   const Pose3 found =
       transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id, image.stamp);
   reading.direction = -found.linear().row(2).transpose();
@@ -465,9 +467,10 @@ std::string shutterReport(const GroundEstimate& estimate) {
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
   // The estimator uses a given readout_time as the mean of a prior whose standard deviation is a
   // tenth of this value, so the estimate is pulled towards it. If the estimate nevertheless differs
-  // by more than three of these deviations, the images clearly contradict the value.
+  // by more than three of these deviations, and by more than kCertain deviations of its own, the
+  // images clearly contradict the value.
   constexpr double kShare = 0.3;
-  constexpr double kCertain = 5.0;  // standard deviations of the estimate
+  constexpr double kCertain = 5.0;  // number of standard deviations of the estimate
   if (readout_time == -1.0) return "";
   const double misfit = std::abs(estimate.readout_time - readout_time);
   const double least =

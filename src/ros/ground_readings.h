@@ -49,11 +49,12 @@ class GroundReadings {
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
-  /// Reason why no rotation was measured by the gyroscope for the newest frame; empty if one was,
-  /// or if the gyroscope is not used.
+  /// Reason why the newest frame has no rotation from the gyroscope; empty if it has one, or if the
+  /// gyroscope is not used.
   const std::string& noTurn() const { return no_turn_; }
-  /// Call this once for each frame. Returns its estimate, but with the status no_height or
-  /// no_normal, and so without a pose, if no usable height or normal came for more than a second.
+  /// Call this once for each frame, with its estimate. If no usable height or normal came for more
+  /// than a second, changes the status to no_height or no_normal, which means that there is no
+  /// pose. Otherwise returns the estimate unchanged.
   GroundEstimate withPatience(GroundEstimate estimate);
   /// Reason why no motion is known for the newest frame; empty if the motion is known.
   std::string problemOf(const GroundEstimate& estimate) const;
@@ -92,7 +93,8 @@ class GroundReadings {
   std::string imu_topic_;
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
-  static constexpr std::int64_t kJitter = 1'000'000'000;  // ns; readings may be late by up to this
+  // Nanoseconds; readings whose stamps are out of order by up to this time are accepted.
+  static constexpr std::int64_t kJitter = 1'000'000'000;
   util::StampOrder range_order_{kJitter};
   util::StampOrder imu_order_{kJitter};
   std::optional<sensor_msgs::Range> range_apart_;

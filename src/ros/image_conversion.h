@@ -106,8 +106,8 @@ bool hidesAll(const cv::Mat& mask);
 constexpr char kHidesAll[] =
     "hides the whole image, since black and transparent pixels hide; expected white where the "
     "image is looked at";
-/// A warning that the mask hides nothing. Returns an empty text if it hides something, and for an
-/// empty mask.
+/// Returns a warning if the mask hides nothing. Returns an empty text if it hides something, and
+/// for an empty mask.
 std::string idleMask(const cv::Mat& mask);
 
 /// Reads an image file as a message with stamp zero: mono16 if the file has 16 bits, else mono8.

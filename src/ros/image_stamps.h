@@ -28,7 +28,7 @@ class ImageStamps {
   /// the next stamp seems to go back and is called wrong at first. Only the stamp after that shows
   /// which of the two was wrong.
   const ros::Time& wrong() const { return wrong_; }
-  /// Says why an image was refused whose stamp is ahead of its time. Refers to the last such image.
+  /// Explains why the last image with a stamp ahead of its time was refused.
   std::string reason() const;
 
  private:
@@ -37,7 +37,7 @@ class ImageStamps {
   util::StampOrder order_;
   ros::Time last_;
   ros::Time wrong_;
-  ros::Time one_ahead_;        // stamp before the one that went back last; maybe wrong
+  ros::Time one_ahead_;        // stamp before the last jump back; may be wrong
   std::vector<double> leads_;  // stamp minus arrival time of the last images, s
   bool was_ahead_ = false;
   double ahead_ = 0.0;

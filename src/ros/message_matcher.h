@@ -29,8 +29,8 @@ class MessageMatcher {
   /// Like process() above, for an image that is already a frame. `ahead`: see
   /// SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// The overlay of the last processed frame. `image`: the message of this frame, for its colours.
-  /// Null if no frame was processed since the last reset.
+  /// The overlay of the last processed frame. `image`: the message of this frame; the overlay needs
+  /// its colours. Null if no frame was processed since the last reset.
   sensor_msgs::ImagePtr overlay(const sensor_msgs::ImageConstPtr& image) const;
 
   /// Makes the next frame the reference of the fixed mode.

@@ -16,7 +16,8 @@ namespace ktgp_orb {
 geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6& covariance);
 geometry_msgs::TwistWithCovariance toMessage(const Twist6& twist, const Covariance6& covariance);
 
-/// A transform for tf from the pose of the frame `child` in the frame that the header names.
+/// Converts a pose to a transform for tf. `pose`: pose of the frame `child` in the frame that the
+/// header names.
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const std::string& child,
                                             const geometry_msgs::Pose& pose);

@@ -20,7 +20,7 @@ class RateLimiter {
     rate_ = rate;
   }
 
-  /// Returns true if the frame with this stamp is to be used. If the stamps go back, the slots
+  /// Returns true if the frame with this stamp should be used. If the stamps go back, the slots
   /// start again at this frame.
   bool takes(const ros::Time& stamp) {
     if (rate_ <= 0.0) return true;

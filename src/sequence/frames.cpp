@@ -53,8 +53,8 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void TrackNumbers::begin(Frame& frame) {
-  // Reserve as much as the keypoints have reserved: then the track numbers need new memory only
-  // when the keypoints do.
+  // Reserve room for as many track numbers as the keypoints have room for. So both need new memory
+  // at the same time.
   frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);

@@ -6,7 +6,7 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-constexpr double kKeptShare = 0.5;  // a frame should find this share of the last frame's inliers
+constexpr double kKeptShare = 0.5;  // with a smaller share of the last inliers, a match is poor
 
 double nanoseconds(std::int64_t from, std::int64_t to) {
   return static_cast<double>(to) - static_cast<double>(from);
@@ -18,7 +18,7 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
                                                         const Frame& next) const {
   std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   if (!last || !motion_) return last;
-  // Predict at most this many times the duration of the last known motion.
+  // Extrapolate the last motion to at most this many times its duration.
   constexpr double kLongest = 3.0;
   const double interval = nanoseconds(stamp_, next.stamp);
   const double known = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;

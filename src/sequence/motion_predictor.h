@@ -27,7 +27,7 @@ class MotionPredictor {
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
   /// Call this after each frame that had no reference. Forgets the motion.
   void restartAt(const Frame& frame);
-  /// Uses `fresh` in place of `frame`; it is a new frame of the same image.
+  /// Replaces `frame` by `fresh`, a new frame of the same image.
   void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 

@@ -26,15 +26,15 @@ class ReferenceKeeper {
 
   /// In keyframe mode, call this after `frame` was matched to the keyframe. `result`: this match.
   /// If it is weak (few inliers or little overlap), returns the previous frame as a second
-  /// reference to try; otherwise null. If that match gives a homography, the previous frame becomes
-  /// the keyframe, and the chain of homographies is not broken.
+  /// reference to try; otherwise null. If the match to the previous frame gives a homography, that
+  /// frame becomes the keyframe, and the chain of homographies is not broken.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
   /// Updates the reference and the chain of homographies after each frame. `result`: the final
   /// match of `frame` to `reference`; null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
-  /// Homography from the first frame of the sequence to the last frame, multiplied from the
+  /// Homography from the first frame of the sequence to the last frame: the product of the
   /// homographies in between. Empty in fixed mode, and if the last frame has begun a new sequence
   /// or its stamp is out of order.
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
@@ -43,8 +43,7 @@ class ReferenceKeeper {
   /// Makes `frame` the reference of the fixed mode. Null: there is none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
-  /// Uses `fresh` in place of `frame` wherever that is a reference; it is a new frame of the same
-  /// image.
+  /// Replaces `frame` by `fresh`, a new frame of the same image, wherever `frame` is a reference.
   void replace(const FramePtr& frame, const FramePtr& fresh);
   /// Forgets all references except the fixed one. `reason`: why the next frame has no reference.
   void forget(NoReference reason);

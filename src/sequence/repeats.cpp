@@ -11,7 +11,7 @@ namespace {
 /// Mean absolute difference of two images, in grey levels. Compares only pixels on a grid: in a
 /// large image, comparing all pixels would take as long as extracting its features.
 double differenceOf(const cv::Mat& a, const cv::Mat& b) {
-  constexpr int kStep = 5;  // px; has no common divisor with a JPEG block's side, 8 px
+  constexpr int kStep = 5;  // px; so the grid meets all positions within JPEG blocks (8 px)
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (int y = 0; y < a.rows; y += kStep) {
@@ -70,7 +70,7 @@ double Repeats::patience() const {
   // The patience in s as long as no interval is known. Cameras with less than ten images a second
   // are rare.
   constexpr double kUnknown = 0.1;
-  constexpr double kMore = 1.5;  // times the longest recent interval, since intervals vary
+  constexpr double kMore = 1.5;  // multiple of the longest recent interval; intervals vary
   if (intervals_.empty()) return kUnknown;
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
@@ -85,8 +85,9 @@ bool Repeats::isInLowerGroup(double difference) {
   // The smallest of the large differences must be at least this many times the largest of the small
   // ones. If all images are compressed in the same way, differences vary by a factor of up to 1.2.
   constexpr double kApart = 2.5;
-  constexpr double kAlike = 2.0;  // largest allowed ratio of two small differences
-  constexpr int kTimes = 3;       // minimum number of changes from large to small
+  // A difference up to this many times the smallest one counts as small.
+  constexpr double kAlike = 2.0;
+  constexpr int kTimes = 3;  // minimum number of falls from a large to a small difference
   keep(std::max(difference, kLeast), kImages, differences_);
   std::array<double, kImages> sorted{};
   const auto end = std::copy(differences_.begin(), differences_.end(), sorted.begin());

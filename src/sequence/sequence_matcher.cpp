@@ -31,7 +31,7 @@ void requireValid(const ReferenceOptions& options) {
 }
 
 std::int64_t stampOf(double seconds) {
-  constexpr double kMaxSeconds = 9.2e9;  // longest time in nanoseconds as a 64-bit number, s
+  constexpr double kMaxSeconds = 9.2e9;  // s; in nanoseconds, longer times do not fit in 64 bits
   if (!(std::abs(seconds) < kMaxSeconds)) {
     throw std::invalid_argument("the frame's time is " + std::to_string(seconds) +
                                 " s; expected a finite one within 9.2e9 s of zero");
@@ -65,7 +65,8 @@ OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
 }
 
 /// Returns true if the features of the frame were extracted with options other than `wanted`. Such
-/// features cannot be matched to features of `wanted`, so they must be extracted again.
+/// features cannot be matched to features with the options `wanted`, so they must be extracted
+/// again.
 bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
   return !frame.image.empty() && frame.orb != wanted;
 }
@@ -186,7 +187,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
 }
 
 /// Options for extracting the features of `frame`. `fixed`: the fixed reference; null if there is
-/// none. If it is small, the frame is enlarged, too.
+/// none. If it is small, the options also enlarge the frame.
 OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
   return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
 }

@@ -18,8 +18,8 @@ using util::requireInRange;
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
-// Share of the margin: shake that needs less of the margin than this is removed completely. With a
-// lag of 0, the smoothing needs more of the margin (see smoothed()), so the share is larger.
+// Shake that needs less than this share of the margin is removed completely. With a lag of 0, the
+// smoothing needs more of the margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
 // Weight of the assumption that the camera stands still; it is used only with a lag of 0. At 30
@@ -141,8 +141,8 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
   while (!waiting_.empty()) finishOldest(ready);
 }
 
-/// Where a smoothly moving camera would see the corners of the frame with this `stamp`, px of this
-/// frame. `to_newest`: homography from this frame to the newest frame of the path.
+/// Returns where a smoothly moving camera would see the corners of the frame with this `stamp`, in
+/// px of this frame. `to_newest`: homography from this frame to the newest frame of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});

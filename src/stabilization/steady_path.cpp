@@ -143,8 +143,8 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// For each frame, adds the motion of the point that remains in the steady picture to the program,
-/// as unknowns for x and y. This motion is the point's position in the window of this frame minus
+/// For each frame, adds two unknowns to the program: how far the point still moves in the steady
+/// picture, in x and in y. This motion is the point's position in the window of this frame minus
 /// the position to which the homography maps it from the previous frame. It is linear in the
 /// corrections near those in track.best.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,

@@ -17,7 +17,7 @@ bool hasSteadyPath();
 /// variables. A corner may move at most to the border, so nothing beyond the border of the frame is
 /// ever shown. Among these paths, steadyPath() finds the one with the smallest weighted sum of the
 /// absolute first, second and third differences of the position, that is, of the remaining motion,
-/// its change and the change of that (L1-optimal camera paths: Grundmann, Kwatra & Essa,
+/// its change, and the change of its change (L1-optimal camera paths: Grundmann, Kwatra & Essa,
 /// "Auto-directed video stabilization with robust L1 optimal camera paths", CVPR 2011). On such a
 /// path the camera stands still, moves evenly or accelerates evenly.
 ///

@@ -14,7 +14,7 @@ namespace {
 constexpr int kSide = 8;         // side of a block, px
 constexpr int kMostBlocks = 16;  // largest number of blocks along a side of the picture
 constexpr float kAlike = 0.7F;   // two blocks with a larger correlation look alike
-constexpr int kDecoyReach = 2;   // largest shift of a decoy position, in blocks
+constexpr int kDecoyReach = 2;   // largest shift of a decoy (see agreementOfDecoys()), in blocks
 
 /// log10 of Chernoff's bound on the probability of at least `hits` hits in `count` trials, where
 /// each trial hits with probability `chance`.
@@ -30,7 +30,7 @@ double logTail(double hits, double count, double chance) {
 /// block covers at least 4 px of the camera image, because neighbouring pixels of an enlarged frame
 /// are interpolated and therefore not independent.
 int blocksAlong(double length, double enlargement) {
-  constexpr double kLeastTaken = 4.0;  // px of the camera image
+  constexpr double kLeastTaken = 4.0;  // minimum side of a block, px of the camera image
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
@@ -76,7 +76,8 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
 
 bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
-  // Longer side of the resized picture, px. A larger one takes longer but gives the same position.
+  // Longer side of the resized picture, px. A larger picture takes longer but gives the same
+  // position.
   constexpr double kLongest = 48.0;
   constexpr double kLeastAlike = 0.4;  // minimum correlation; low, because compare() is stricter
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
@@ -179,7 +180,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
                                            double above_neighbours) {
-  // A block has texture if the standard deviation of its grey values is larger.
+  // A block has texture if the standard deviation of its grey values is larger than this.
   constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;

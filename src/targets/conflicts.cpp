@@ -22,8 +22,7 @@ constexpr double kLeastOverlap = 0.5;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
 constexpr std::size_t kMostPlaces = 4;
 
-/// The map from px of the copy to px of the copy after a clockwise rotation by `quarters` x 90
-/// degrees.
+/// Returns the map from the copy, px, to the copy rotated clockwise by `quarters` x 90 degrees, px.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
   cv::Size now = size;
@@ -61,7 +60,7 @@ std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
 
 using Outline = std::vector<cv::Point2f>;
 
-/// Number of pairs of `one` whose target point is inside the outline.
+/// Returns the number of pairs of `one` whose target point is inside the outline.
 std::size_t countInside(const FoundTarget& one, const Outline& outline) {
   const std::vector<Eigen::Vector2d>& points = one.pairs.target;
   return static_cast<std::size_t>(
@@ -78,7 +77,7 @@ double areaOf(const std::vector<Eigen::Vector2d>& points) {
   return box.volume();
 }
 
-/// Whether the points of `one` are spread over most of its picture.
+/// Returns true if the points of `one` are spread over most of its picture.
 bool coversPicture(const FoundTarget& one, TargetStore& store) {
   // Minimum share of the picture's area that the bounding box of the points covers.
   constexpr double kShare = 0.6;
@@ -98,22 +97,23 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// Whether `one` is much less likely to be a false alarm than `other`. If only a part that both
-/// targets have in common is in view, both have nearly the same evidence, so neither is clearly
-/// better.
+/// Returns true if `one` is much less likely to be a false alarm than `other`. If only a part that
+/// both targets have in common is in view, both have nearly the same evidence, so neither is
+/// clearly better.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
   return -other.log_false_alarms < kRatio * -one.log_false_alarms;
 }
 
-/// Whether the agreement of `one` with its picture is clearly smaller than the agreement of
-/// `around` with its own picture, although both are seen in the same light and with the same blur.
+/// Returns true if `one` looks clearly less like its picture than `around` looks like its own
+/// picture. Light and blur do not explain the difference, because they are the same for both.
 bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
   constexpr double kRatio = 0.8;
   return one.agreement < kRatio * around.agreement;
 }
 
-/// Whether the points of `one` are spread over most of the part of its picture that has keypoints.
+/// Returns true if the points of `one` are spread over most of the part of its picture that has
+/// keypoints.
 bool coversTexture(const FoundTarget& one, TargetStore& store) {
   // Minimum area of the bounding box of the points, as a share of the box of all keypoints.
   constexpr double kShare = 0.6;
@@ -126,19 +126,20 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
   return areaOf(one.pairs.reference) > kShare * all.volume();
 }
 
-/// Whether the intersection of the outlines is more than `share` of the area of the larger outline.
+/// Returns true if the intersection of the outlines is larger than `share` of the area of the
+/// larger outline.
 bool areInOnePlace(const Outline& a, const Outline& b, double share) {
   Outline common;
   return cv::intersectConvexConvex(a, b, common) >
          share * std::max(cv::contourArea(a), cv::contourArea(b));
 }
 
-/// Whether a part of the image, such as a text, clearly differs from the picture found in it. The
-/// part must be so large that conflicts() can tell which of the two pictures is seen. Measured
-/// shares of differing blocks: at most 0.031 in 350 copies of pictures with another light, scale
-/// and blur, if the copy was found in the right place; at least 0.041 in different signs that have
-/// the same upper half and one word of the lower half in common. Glare with a sharp edge may give a
-/// share of 0.08.
+/// Returns true if a part of the image, such as a text, clearly differs from the picture found in
+/// it. The part must be so large that conflicts() can tell which of the two pictures is seen.
+/// Measured shares of differing blocks: at most 0.031 in 350 copies of pictures with another light,
+/// scale and blur, if the copy was found in the right place; at least 0.041 in different signs that
+/// have the same upper half and one word of the lower half in common. Glare with a sharp edge may
+/// give a share of 0.08.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;

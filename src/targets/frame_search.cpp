@@ -20,7 +20,7 @@ constexpr std::int32_t kFewestIndexVotes = 2;
 // keypoint of the frame is paired with the most similar keypoint of this one target, so there are
 // many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
-// The same limit once an instance of the target was found, for seeds of a further instance. It is
+// Like kFewestVotes, but for further instances after one instance of the target was found. It is
 // higher because most frames show only one instance.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
@@ -83,7 +83,8 @@ const std::vector<Candidate>& FrameSearch::candidates() {
   return candidates_;
 }
 
-/// The fast tables find most targets. If few of their pairs agree, the thorough tables seldom help.
+/// Searches with the fast tables first, which find most targets. If they find none, searches with
+/// the thorough tables, but only if many pairs agreed: otherwise these tables seldom help.
 int FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
   const int count = searchWith(tables_, target, found);
   if (count > 0 || most_votes_ < kFewestThoroughVotes) return count;

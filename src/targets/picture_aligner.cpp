@@ -13,7 +13,7 @@ namespace ktgp_orb::targets {
 namespace {
 
 // Distance between neighbouring patches, px of the small picture (the picture shrunk to its size in
-// the frame): half the side of a patch.
+// the frame). It is half the side of a patch.
 constexpr double kPatchStep = 8.0;
 constexpr double kPatchReach = 4.0;  // largest distance by which a patch may move, px
 // Border around the small picture, px, because the alignment reads pixels beside a patch.
@@ -87,7 +87,7 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   for (std::size_t i = 0; i < reference_.size(); ++i) {
     if (!(homography::errorOf(of_small.homography, reference_[i], target_[i]) < near)) continue;
     pairs.add(homography::project(to_picture, reference_[i]), target_[i],
-              // All pairs get the same weight.
+              // All pairs get the same quality.
               0.5);
   }
   return true;

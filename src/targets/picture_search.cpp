@@ -35,7 +35,8 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 
 bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;  // px
-  // A seed is explained if it agrees with this many maps; a single map may be wrong.
+  // A seed is explained if it agrees with at least this many of the homographies that earlier seeds
+  // have grown to. We ask for two, because a single one may be wrong.
   constexpr std::ptrdiff_t kTwice = 2;
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from(), seed.to()) < kNear;

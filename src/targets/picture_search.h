@@ -17,7 +17,8 @@
 
 namespace ktgp_orb::targets {
 
-/// A picture of a target in the frame. The caller of PictureSearch sets the first three members.
+/// A picture of a target that was found in the frame. The caller of PictureSearch sets the first
+/// three members.
 struct FoundTarget {
   StoredTarget* target = nullptr;
   std::uint32_t picture = 0;     ///< number of the picture in the store

@@ -17,16 +17,16 @@ double enlargementOf(int longer_side) {
   // misses large targets.
   constexpr double kEnlarged = 960.0;
   constexpr double kMost = 4.0;
-  constexpr double kLeast = 1.25;  // a smaller factor finds hardly more targets
+  constexpr double kLeast = 1.25;  // with a smaller factor, hardly any more targets are found
   if (longer_side <= 0) return 1.0;
   const double most = static_cast<double>(SearchedFrame::kLargestFrame) / longer_side;
   const double by = std::min(std::clamp(kEnlarged / longer_side, kOctave, kMost), most);
   return by >= kLeast ? by : 1.0;
 }
 
-/// Options for a frame that is enlarged by the factor `by`. Adds pyramid levels, enough for a
-/// factor of at most 2, so that large targets are still found. If the factor is larger, edges
-/// become softer, so the threshold for corners is lowered.
+/// Returns the options for a frame that is enlarged by the factor `by`. Adds pyramid levels so that
+/// large targets are still found: as many levels as a factor of `by`, but at most 2, needs. If the
+/// factor is larger than 2, edges become softer, so the threshold for corners is lowered.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);

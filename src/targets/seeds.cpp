@@ -22,7 +22,7 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-// Only this many pairs, the first ones, are used, to save time.
+// Only the first pairs, at most this many, are used, to save time.
 constexpr std::size_t kMost = 300;
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
@@ -30,9 +30,9 @@ Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
   const growth::LocalFrame& from = reference.frames()[hit.keypoint];
   const Eigen::Matrix2f& to_view = reference.toView(hit.keypoint);
   const float area = std::abs(to_view.determinant());
-  // The map from the keypoint's view of the picture to the frame is taken as a rotation and a
-  // scale, which follow from the directions and sizes of the two keypoints. d: direction in the
-  // view; c, s: cosine and sine of the rotation, times the scale.
+  // We assume that the keypoint's view of the picture is mapped to the frame by a rotation and a
+  // scale; the directions and sizes of the two keypoints determine both. d: direction in the view;
+  // c, s: cosine and sine of the rotation, times the scale.
   const Eigen::Vector2f d = (to_view * Eigen::Vector2f(from.dx, from.dy)).normalized();
   const float scale = std::exp(to.log_size - from.log_size) / std::sqrt(area);
   const float c = scale * (d.x() * to.dx + d.y() * to.dy);
@@ -83,7 +83,8 @@ void Seeds::vote(std::int32_t fewest_votes) {
 }
 
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
-  // In px; a larger value gives the seed's own linear map more weight than the voters' positions.
+  // The linear part of the seed's own map counts as much as two voters at this distance from the
+  // seed, px of the picture (see fitAffineNear).
   constexpr double kOwnReach = 30.0;
   growth::Places from, to;
   for (const Seed& voter : seeds) {

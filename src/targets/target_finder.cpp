@@ -83,7 +83,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  // Converts to px of the images as they were given, before they were resized.
+  // Converts the homography to px of the images that the caller gave, before they were resized.
   detection.homography = homography::chained(
       {frame.toFrame()}, homography::chained(found.estimate, {targets::toStored(picture)}));
   detection.homography.plane_deviation = found.estimate.plane_deviation / frame.scale();
@@ -99,8 +99,8 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   return detection;
 }
 
-/// Whether `name` is the frame of an instance of the target with `frame`: `door_1` is the frame of
-/// instance 1 of `door`, but `door_0` and `door_01` belong to no instance.
+/// Returns true if `name` is the frame of an instance of the target with `frame`: `door_1` is the
+/// frame of instance 1 of `door`, but `door_0` and `door_01` belong to no instance.
 bool isInstanceFrame(const std::string& name, const std::string& frame) {
   const std::size_t first = frame.size() + 1;  // position of the first digit
   return name.size() > first && name.compare(0, first, frame + "_") == 0 && name[first] != '0' &&
@@ -206,7 +206,7 @@ Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, boo
   return without_border * checked.toFrame();
 }
 
-/// A known target that looks the same as the picture; null if there is none.
+/// Returns a known target that looks the same as the picture; null if there is none.
 const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bool larger,
                                                 const StoredTarget* replaced) {
   // Minimum number of votes. A lookalike gets many more, but a small picture has few keypoints.
@@ -304,8 +304,9 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
   return done < count ? (count + done - 1) / done : 1;
 }
 
-/// Tries the candidates that were not seen in the last frame, until the time is used up. The first
-/// two are always tried: the target that has waited longest, and the target with the most votes.
+/// Tries the candidates that have not been tried in this frame yet, until the time is used up. The
+/// first two are always tried: the target that has waited longest, and the target with the most
+/// votes.
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
   const Clock::time_point start = Clock::now();
@@ -351,9 +352,10 @@ void TargetFinder::Impl::publish() {
             });
 }
 
-/// Whether the frame is enlarged to find small targets: true if no target is followed, if a small
-/// target is followed, if a target was lost, and in every eighth frame, to find new targets. Other
-/// frames are not enlarged, so a robot that tracks large targets has time for other work.
+/// Returns true if the frame should be enlarged so that small targets can be found: if no target is
+/// followed, a small target is followed or a target was lost, and in every eighth frame, to find
+/// new targets. Other frames are not enlarged, so a robot that tracks large targets has time for
+/// other work. Always returns false if options.smallest_side excludes small targets.
 bool TargetFinder::Impl::wantsSmall() const {
   constexpr std::uint64_t kEach = 8;
   if (options.smallest_side >= SearchedFrame::kSmallSide) return false;
@@ -367,7 +369,7 @@ bool TargetFinder::Impl::wantsSmall() const {
 /// is wider, so a patch shows fewer details. In the second case, small targets are not refined,
 /// because they have too few patches in the original frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
-  constexpr double kMostStretch = 1.2;  // maximum size in the original frame / size of the picture
+  constexpr double kMostStretch = 1.2;  // largest scale from the picture to the original frame
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);
@@ -412,7 +414,7 @@ void TargetFinder::Impl::settle(std::size_t begin) {
   found.resize(kept);
 }
 
-/// Reports each target of which only instances with undetermined corners were found.
+/// Reports each target for which only instances with undetermined corners were found.
 void TargetFinder::Impl::publishUndetermined() {
   if (search.undetermined().empty()) return;
   std::unordered_set<const StoredTarget*> named;

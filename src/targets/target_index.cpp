@@ -16,8 +16,8 @@ void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bi
   is_changing_ = true;
   Segment fresh;
   for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
-  // Merge the new segment with the last segments while they are not larger than the merged one, as
-  // a binary counter carries. So each descriptor is sorted only a few times.
+  // Merge the new segment with the last segments while they are not larger than the merged one,
+  // like the carries of a binary counter. So each descriptor is sorted only a few times.
   std::size_t first = segments_.size();
   std::size_t size = fresh.entries.size();
   while (first > 0 && segments_[first - 1].entries.size() <= size) {
@@ -61,7 +61,7 @@ void TargetIndex::mergeFrom(std::size_t first) {
       is_used_[i] = pictures_[i] != nullptr ? 1 : 0;
   }
   const std::vector<Entry>& entries = merged.entries;
-  int key_bits = 8;  // about one cell per descriptor
+  int key_bits = 8;  // chosen so that there is about one cell per descriptor
   while (key_bits < BitTables::kMaxKeyBits && std::size_t{1} << key_bits < entries.size()) {
     ++key_bits;
   }
@@ -160,7 +160,7 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
 /// distance of the most similar keypoint at another place.
 void FrameTables::keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
                        Nearest& nearest) const {
-  constexpr float kApart = 8.F;  // px of the picture
+  constexpr float kApart = 8.F;  // px of the picture; a keypoint farther away is at another place
   if (distance >= nearest.elsewhere) return;
   const growth::LocalFrame& a = picture.frames()[keypoint];
   const growth::LocalFrame& b = picture.frames()[nearest.keypoint];

@@ -20,8 +20,8 @@ constexpr int kPictureBorder = 48;
 struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, shrunk if longer than largest_side
   std::vector<cv::Mat> halves;  ///< `image` at a half, a quarter and so on of its size
-  cv::Size full_size;           ///< size of the given image, px
-  double scale = 1.0;           ///< size of `image` divided by the size of the given image
+  cv::Size full_size;           ///< size of the image before it was shrunk, px
+  double scale = 1.0;           ///< size of `image` divided by full_size
   growth::ReferenceFrames frames;
   std::size_t own = 0;  ///< number of keypoints of `image`; the keypoints of its views follow them
   StoredTarget* owner = nullptr;  ///< its target in the store; null: not in a store
@@ -43,7 +43,7 @@ Eigen::Vector2d middleOf(const cv::Size& image);
 /// homography at the middle of the image.
 cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image);
 
-/// The map from the image given by the user to `picture.image`, px.
+/// The map from the user's image to `picture.image`, px.
 Eigen::Matrix3d toStored(const TargetPicture& picture);
 
 }  // namespace ktgp_orb::targets

@@ -14,7 +14,9 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kMostMisfit = 9.21;  // 99 % quantile of chi-square with two degrees of freedom
+// If the squared error of a fitted pose is larger, the covariance is too small (99 % quantile of
+// chi-square with two degrees of freedom).
+constexpr double kMostMisfit = 9.21;
 
 /// Chooses points of which any two are at least `apart` px from each other, in x or in y. Returns
 /// their indices.

@@ -40,7 +40,7 @@ void requireNames(const Target& target) {
 /// Explains to the user why a picture has fewer than kFewestKeypoints: it has too little texture,
 /// or it is too narrow.
 std::string whyFewKeypoints(const TargetPicture& picture) {
-  constexpr int kNarrow = 40;  // a picture with a smaller shorter side is narrow, px
+  constexpr int kNarrow = 40;  // px; a picture is narrow if its shorter side is smaller than this
   const std::string count = std::to_string(picture.own) + " keypoints; expected " +
                             std::to_string(kFewestKeypoints) + " or more, from ";
   const cv::Size size = picture.image.size();

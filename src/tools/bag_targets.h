@@ -24,7 +24,7 @@ struct TargetsInput {
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);
 
-/// All image files of the targets: of a folder, or the files named in a list. Throws
+/// All image files of the targets. `path`: a folder of images, or a YAML list. Throws
 /// std::invalid_argument if the folder or list is unusable.
 std::vector<std::string> filesOfTargets(const std::string& path);
 

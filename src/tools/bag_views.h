@@ -42,7 +42,7 @@ struct ViewOptions {
   /// name of the csv file with the homographies from the map to the frames
   std::string mosaic_poses;
   MosaicOptions map;
-  LensConstPtr lens;  ///< distortion of this lens is removed first; null: no lens
+  LensConstPtr lens;  ///< its distortion is removed from the images; null: no lens
 };
 
 /// Adds --stabilize, --mosaic and the options that belong to them.
@@ -128,9 +128,9 @@ std::string mosaicOf(const std::string& path, std::size_t number);
 /// nodelets.
 class BagViews {
  public:
-  /// `reopen`: for the second reading of the steady video. `outputs` must outlive this object.
-  /// `camera`: calibration of the images, which a panorama needs. `pixels`: whether the images are
-  /// raw or rectified.
+  /// `reopen`: called when the steady video reads the images a second time. `outputs` must outlive
+  /// this object. `camera`: calibration of the images, which a panorama needs. `pixels`: whether
+  /// the images are raw or rectified.
   BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
            std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels);
 
@@ -155,7 +155,8 @@ class BagViews {
   std::size_t maps_ = 0;  // maps written
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
-  // Number of frames lost because the ground repeats itself.
+  // Number of frames lost because the ground has a repeating pattern, so that they fit in several
+  // places.
   std::size_t repeated_ = 0;
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;

@@ -102,7 +102,7 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
 }
 
 /// Namespace of the output topics: `name` or, if `name` is empty, `nodelet` in the namespace of the
-/// camera. These are the topics that the nodelet would use.
+/// camera, as when the nodelet runs.
 std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
@@ -121,7 +121,7 @@ void sayNoMotion(const std::string& problem) {
 }
 
 /// Processes the recording. `pipeline_` extracts the features of several images in parallel, and
-/// matches them there if it can. This class does everything else, frame by frame, in their order.
+/// matches them there if it can. This class does everything else, one frame after the other.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -253,8 +253,8 @@ class Run {
            others + '\n';
   }
 
-  /// Advice on max_reference_age if the images are so far apart that they have no reference; empty
-  /// for other recordings.
+  /// Advice on max_reference_age if the images are so far apart in time that they have no
+  /// reference; empty for other recordings.
   std::string noteOnGaps() const {
     const double step = metrics::median(steps_);
     if (gaps_ == 0 || step <= max_age_) return {};
@@ -370,7 +370,7 @@ class Run {
   std::map<Status, std::size_t> statuses_;
   std::map<Geometry, std::size_t> geometries_;
   std::map<Doubt, std::size_t> doubts_;
-  std::vector<double> inliers_;       // inliers of each image whose match has a geometry
+  std::vector<double> inliers_;       // number of inliers of each match with a geometry
   std::vector<double> parallaxes_;    // parallax of each camera motion, degrees
   std::vector<double> milliseconds_;  // processing time of each image, ms
   std::vector<double> steps_;         // time from each image to the next, s
@@ -378,7 +378,8 @@ class Run {
   std::size_t gaps_ = 0;  // number of images that came more than max_age_ after the previous image
   double max_age_;
   std::uint64_t skipped_ = 0;
-  // Images that are in the pipeline. The number counts the images that were skipped just before.
+  // Images that are in the pipeline, each with the number of images that were skipped just before
+  // it.
   std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;
   std::size_t with_still_things_ = 0;  // frames
   std::uint64_t refused_ = 0;

@@ -59,7 +59,7 @@ bool isFlag(const ParameterRow& row) {
   return std::holds_alternative<bool Parameters::*>(row.field);
 }
 
-/// The word that --help shows after the option for the type of its value, such as "TEXT".
+/// The type of the option's value, which --help shows after the option, such as "TEXT".
 std::string typeName(const ParameterRow& row) {
   if (!row.choices.empty()) return util::joined(row.choices, "|");
   if (std::holds_alternative<std::string Parameters::*>(row.field)) return "TEXT";

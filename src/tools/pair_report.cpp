@@ -18,8 +18,8 @@ namespace {
 
 using nlohmann::json;
 
-/// px; we warn if the standard deviation of a corner is larger. A match counts as correct up to
-/// this error.
+/// px; we warn if the standard deviation of a corner is larger. It equals metrics::kCorrectWithin,
+/// the largest error of a correct match.
 constexpr double kUncertainCorner = 3.0;
 
 /// Says why a stage has no numbers; empty if the stage ran.

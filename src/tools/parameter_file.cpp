@@ -51,7 +51,8 @@ YAML::Node parametersIn(YAML::Node node) {
 }
 
 void readYaml(const std::string& text, Parameters& parameters) {
-  // The node reads these parameters itself at its start. They do not affect results, so skip them.
+  // image_transport and queue_size concern the input of the node; params and preset are arguments
+  // of the launch files. As parameters, none of them changes the results, so skip them.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(onlyDocument(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");

@@ -38,8 +38,8 @@ void VideoFile::write(const cv::Mat& frame) {
 void VideoFile::close() {
   if (empty()) throw files::FileError(path_, "is not written: there was no frame");
   writer_.release();
-  // cv::VideoWriter does not report that the disk is full, so compare the number of frames in the
-  // file.
+  // cv::VideoWriter does not report that the disk is full, so check that the file contains all
+  // frames.
   const cv::VideoCapture written(file_.unfinished());
   if (!written.isOpened() || written.get(cv::CAP_PROP_FRAME_COUNT) < frames_) {
     files::throwUnwritable(file_, "the video lacks frames; expected more space on the disk");

@@ -13,7 +13,7 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-constexpr double kSame = 1.0 * util::kPi / 180.0;  // rad; motions that differ by less are the same
+constexpr double kSame = 1.0 * util::kPi / 180.0;  // rad; motions that differ by less count as one
 
 /// Density of Student's t distribution with four degrees of freedom, scale 1, at 0.
 constexpr double kDensity = 0.375;
@@ -75,7 +75,7 @@ bool Hypotheses::isKnown(const Epipolar& geometry) const {
 
 void Hypotheses::start(const RelativePose& motion) {
   constexpr int kSteps = 2;
-  constexpr std::size_t kVoters = 64;  // number of best pairs that choose the translation's sign
+  constexpr std::size_t kVoters = 64;  // this many of the best pairs decide the translation's sign
   RelativePose forward = motion;
   const std::size_t n = std::min(pairs_->size(), kVoters);
   std::size_t front = 0;
@@ -112,8 +112,9 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 /// The epipolar lines are the same for both signs of the translation; only the chirality differs.
 /// So both signs of each fitted motion are judged.
 void Hypotheses::refine() {
-  constexpr std::size_t kMost = 4;   // maximum number of fits
-  constexpr float kMostCost = 2.0F;  // a start is only fitted below this multiple of the least cost
+  constexpr std::size_t kMost = 4;  // maximum number of fits
+  // Starts with a cost above this multiple of the lowest cost are not fitted.
+  constexpr float kMostCost = 2.0F;
   // Minimum of `scale_`, as a share of the limit (0.1 px for the default max_error). It is needed
   // because smooth errors do not show in the residuals.
   constexpr double kLeastScale = 0.07;
@@ -136,11 +137,12 @@ void Hypotheses::refine() {
 }
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
-  // If a single cell makes the whole difference, the other motion keeps a probability of 0.27.
+  // If a single cell makes the whole difference, the difference counts as this much; the less
+  // likely motion then keeps a probability of 0.27.
   constexpr double kMostOfACell = 1.0;
   // Noise of three deviations can change the difference of the gains by this much.
   constexpr double kIndifferent = 3.0;
-  constexpr double kOnPlane = 4.5;  // deviations; noise alone exceeds this in 1 pair in 25 000
+  constexpr double kOnPlane = 4.5;  // standard deviations; noise exceeds this in 1 of 25 000 pairs
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;

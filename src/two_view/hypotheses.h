@@ -39,8 +39,9 @@ class Hypotheses {
   void load(const EpipolarPairs& pairs, double cell, double range, const Epipolar& found,
             const Eigen::Matrix3d* plane);
 
-  /// Adds `motion` to the list of motions from which refine() starts, after a few steps of the fit.
-  /// The sign of its translation is chosen so that most points are in front of the cameras.
+  /// Improves `motion` by a few steps of the fit, and adds it to the motions from which refine()
+  /// starts. Before that, chooses the sign of its translation so that most points are in front of
+  /// the cameras.
   void start(const RelativePose& motion);
   /// Fits the best starts. Then the list holds the fitted motions, each only once, best first.
   void refine();

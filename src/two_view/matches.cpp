@@ -14,8 +14,8 @@ constexpr double kReach = 4.0;  // largest shift of a point by alignment, px
 /// aligned point. The measured ratio is 3.4: the distances from the true epipolar lines have a
 /// scale of 0.85 px for keypoints and 0.25 px for aligned points (medians over 20 sets of real and
 /// synthetic scenes). But some keypoints are near their epipolar line by chance and hold the fit
-/// near its start. Of 1, 3.4, 6 and 12 (about 3.4²), 12 gave the most accurate motions in twelve
-/// sets.
+/// near its start. Of the values 1, 3.4, 6 and 12 (about 3.4²), 12 gave the most accurate motions
+/// in twelve sets.
 constexpr double kKeypointDeviation = 12.0;
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
 

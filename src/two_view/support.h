@@ -14,7 +14,7 @@ namespace ktgp_orb::two_view {
 using Displacement = std::pair<double, double>;
 
 /// Computes the number of false alarms of a model (see estimation::FalseAlarms). Pairs with a
-/// keypoint at nearly the same place count once. Keeps its buffers.
+/// keypoint at nearly the same place count once. Reuses its buffers from call to call.
 class Support {
  public:
   /// Pairs within `apart` px of each other, in either image, count once.

@@ -11,8 +11,8 @@
 // does not.
 #define HWY_WANT_AVX3_DL 1
 // Exclude SVE and RVV, because we put vectors into arrays, which is impossible if the compiler does
-// not know their size; processors with SVE also have NEON. Exclude SSSE3, because hardly any
-// processor has it but no later set.
+// not know their size; processors with SVE also have NEON. Exclude SSSE3, because nearly every
+// processor that has it also has a later set.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 
 // 1 if the instruction set has vectors. Without vectors (riscv64, s390x), the plain loops run: they

@@ -12,14 +12,16 @@ namespace ktgp_orb::util {
 /// set apart. If the next stamp continues from there, both are accepted: a recording was started
 /// again, a clock was set, or the camera paused. Otherwise the stamp set apart was wrong and is
 /// forgotten. A wrong stamp that is only a little ahead is accepted at first. It is recognised as
-/// wrong if the next two stamps are in order, after its predecessor and before the stamp itself.
+/// wrong if the next two stamps are in order and lie between the stamp before it and the wrong
+/// stamp itself.
 class StampOrder {
  public:
   struct Place {
-    bool is_apart = false;   ///< this stamp was set apart, so it is not accepted yet
-    bool restarted = false;  ///< the previous stamp, set apart, began a new sequence
-    /// The newest accepted stamp was wrong, and the stamp set apart after it was right: the
-    /// sequence continues with the latter.
+    bool is_apart = false;  ///< this stamp was set apart, so it is not accepted yet
+    /// The previous stamp was set apart, but was right: a new sequence began with it.
+    bool restarted = false;
+    /// The newest accepted stamp was wrong, and the stamp that was set apart after it was right.
+    /// The sequence continues from the stamp set apart.
     bool was_one_ahead = false;
   };
 

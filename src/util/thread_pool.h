@@ -33,8 +33,8 @@ class ThreadPool {
   }
 
  private:
-  /// A loop with any type of function, stored as a void pointer. Unlike std::function, it needs no
-  /// heap memory.
+  /// A loop over a function of any type. A void pointer refers to the function, so that, unlike
+  /// with std::function, no heap memory is needed.
   struct Loop {
     void (*call)(const void* function, int i);
     const void* function;

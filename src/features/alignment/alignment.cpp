@@ -18,7 +18,7 @@ namespace {
 using alignment::bestAlignmentKernels;
 
 constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
-constexpr double kReach = 4.0;       // px, farthest that a patch may move from where H puts it
+constexpr double kReach = 4.0;       // largest distance of a patch from where H predicts it, px
 
 /// The counter in AlignmentResult for each PatchOutcome, in the order of the enumerators. Aligned
 /// points have no counter, because they are in `points`.
@@ -50,8 +50,8 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
   return std::min(deviation.target, deviation.reference);
 }
 
-/// Returns true if the aligned homography `candidate` replaces the homography `before`, which comes
-/// from keypoints: if its uncertainty at the image corners is not larger. It is larger if patches
+/// Returns true if the aligned homography `candidate` should replace `before`, the homography from
+/// keypoints: its uncertainty at the image corners must not be larger. It is larger if patches
 /// could be aligned only in a small part of the image, or if their positions are as noisy as
 /// keypoints. The shared covariance of the candidate is left out, because it describes smooth
 /// errors that come from the scene, and keypoints have the same errors.

@@ -12,7 +12,7 @@
 namespace ktgp_orb::alignment {
 
 /// Computes the affine map from the reference to the target in the neighbourhood of each match. No
-/// homography is needed. Keeps its buffers from call to call.
+/// homography is needed. Reuses its buffers from call to call.
 class LocalMaps {
  public:
   /// Parallel arrays of matched points, px; `image`: size of the reference image.

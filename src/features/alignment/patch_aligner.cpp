@@ -147,11 +147,11 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 /// Sums of the products of the derivatives of a patch, without the part of the derivatives that
 /// looks like a change of brightness (gain or bias).
 struct Texture {
-  double sx, sy;  // sx t and sy t, the parts of dx and dy that look like a change of gain
+  double sx, sy;  // sx t: part of dx that looks like a change of gain (t: value); sy: for dy
   double xx, xy, yy;
   double determinant;
 
-  /// Computes the moments; empty if the patch has too little texture to be located.
+  /// Computes the sums; returns nothing if the patch has too little texture to be located.
   static std::optional<Texture> of(const PatchTemplate& patch) {
     // Minimum of the sum of the squared values t, in grey values², and of the sum of the squared
     // derivatives in the direction with the least texture, in grey values² per px².

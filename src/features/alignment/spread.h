@@ -10,7 +10,7 @@
 
 namespace ktgp_orb::alignment {
 
-/// Chooses points spread over an image. Keeps its buffers from call to call.
+/// Chooses points spread over an image. Reuses its buffers from call to call.
 class PointSpread {
  public:
   /// Writes the indices of up to `wanted` of the `points` (px) to `chosen`, ascending. The image is

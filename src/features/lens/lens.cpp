@@ -106,11 +106,11 @@ void requireInverse(const LensCalibration& c) {
       "coefficients (D) of a calibration");
 }
 
-// At 60 degrees from the axis of a fisheye, one pixel covers 1 / cos² = 4 px of the undistorted
-// image, which is more than the inlier threshold; at 75 degrees, it covers 15 px. We tested the
-// preset slam on 8 image pairs of a camera with a 200-degree lens that only turned: with points up
-// to 60 degrees, it was certain of the pure turn in all 8 pairs, with points up to 75 degrees only
-// in 2.
+// Points farther than this from the axis of a fisheye are not used. At 60 degrees, one pixel covers
+// 1 / cos² = 4 px of the undistorted image, which is more than the inlier threshold; at 75 degrees,
+// it covers 15 px. We tested the preset slam on 8 image pairs of a camera with a 200-degree lens
+// that only turned. With points up to 60 degrees, it was certain of the pure turn in all 8 pairs;
+// with points up to 75 degrees, only in 2 pairs.
 constexpr double kFarthestAngle = 60.0 * util::kPi / 180.0;
 
 /// Largest angle, rad, up to which the distance from the principal point increases with the angle.

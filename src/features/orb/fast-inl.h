@@ -21,8 +21,8 @@ using ByteVector = hn::Vec<Bytes>;
 // arc.
 //
 // An arc that starts at an even neighbour and the arc that starts at the next neighbour share eight
-// neighbours. With `eight` for the minimum of these eight, and `first` and `last` for the ninth
-// neighbours of the two arcs: max(min(eight, first), min(eight, last)) =
+// neighbours. Let `eight` be the minimum of these eight, and `first` and `last` the ninth
+// neighbours of the two arcs. Then max(min(eight, first), min(eight, last)) =
 // min(eight, max(first, last)).
 HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   ByteVector ends[8];

@@ -19,7 +19,7 @@ struct ResizeAxis {
   int target = 0;
   /// Each block has kResizeBlock target pixels; the last block is padded with its last pixel.
   std::vector<ResizeBlock> blocks;
-  bool narrow = false;  ///< whether every block reads at most 16 neighbouring source pixels
+  bool narrow = false;  ///< true if every block reads at most 16 neighbouring source pixels
 
   /// The two source pixels of target pixel i, and the weight of the second one, 0..256.
   int firstTap(int i) const;
@@ -57,7 +57,7 @@ struct PyramidLevel {
 /// The last level gets the rest.
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
 
-/// The image pyramid. Buffers are kept from image to image.
+/// The image pyramid. Reuses its buffers from image to image.
 class OrbPyramid {
  public:
   OrbPyramid(int features, double scale_factor, int levels, int first_level);

@@ -30,7 +30,7 @@ class TeblidDescriber {
   /// `sizes`: size of the keypoints of each octave, px.
   TeblidDescriber(std::vector<float> sizes, const OrbKernels& kernels);
 
-  /// `image`: 8-bit grey, not empty. Buffers are kept from image to image.
+  /// `image`: 8-bit grey, not empty. Reuses its buffers from image to image.
   void setImage(const cv::Mat& image);
   /// Writes 32 bytes. May be called from several threads at a time.
   void describe(const cv::KeyPoint& keypoint, std::uint8_t* descriptor) const;

@@ -65,7 +65,8 @@ constexpr unsigned kInBestPair = 1u << kRing;
 constexpr unsigned kOnGrid = kInBestPair << 1;
 
 /// Motion statistics of one target grid and one reference grid. The matches are sorted by their
-/// pair of cells. A table of all pairs of cells would be nearly empty, so there is none.
+/// pair of cells, and only pairs of cells with matches are stored: a table of all pairs would be
+/// nearly empty.
 class CellPairs {
  public:
   /// Counts the matches of each pair of cells. `reference_order`: the matches sorted by reference

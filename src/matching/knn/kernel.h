@@ -124,12 +124,12 @@ struct KnnKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
   int lanes;         ///< number of 16-bit lanes; a row has twice this number of bytes
   Scan scan;         ///< ignores `nearest_queries`
-  /// Like `scan`, but also updates the key of the nearest query for each candidate,
-  /// `nearest_queries` (64-byte aligned).
+  /// Like `scan`, but also updates `nearest_queries` (64-byte aligned): for each candidate, the key
+  /// of its nearest query.
   Scan scan_both_ways;
   Search search;  ///< searches near a position; ignores `nearest_queries`
-  /// Like `search`, but also updates the key of the nearest query for each candidate,
-  /// `nearest_queries`. These keys contain the number of the query in place of the index.
+  /// Like `search`, but also updates `nearest_queries`: for each candidate, the key of its nearest
+  /// query. These keys contain the number of the query in place of the index.
   Search search_both_ways;
 };
 

@@ -23,7 +23,7 @@ void requireCountable(const Features& features, const std::string& name);
 constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
 
 /// The candidates of the search near predicted positions, in the layout of the kernels. They are
-/// sorted by position, so that the candidates of a query form only a few runs. Keeps its buffers
+/// sorted by position, so that the candidates of a query form only a few runs. Reuses its buffers
 /// from call to call.
 class NearTable {
  public:
