@@ -43,7 +43,7 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
   GeometryModel geometry = GeometryModel::homography;
-  double shared_error = 0.0;  ///< for the two-view geometry, px; see TwoViewOptions::shared_error
+  SharedErrors shared_errors;  ///< for the two-view geometry
 
   /// The paper's four stages, followed by sub-pixel alignment. These are the defaults.
   static MatcherOptions ktgp() { return {}; }

@@ -49,24 +49,35 @@ enum class Doubt : std::uint8_t {
 /// Returns the enumerator's name, e.g. "small_parallax".
 const char* toString(Doubt doubt);
 
+/// Standard deviations of the errors that all points of an image share. The residuals do not show
+/// them, so the covariance of every geometry includes them. All are >= 0.
+struct SharedErrors {
+  /// Errors that vary linearly over the image, px: what calibration, lens and shutter leave.
+  double linear = 0.0;
+  double focal = 0.0;  ///< error of both focal lengths, as a share of them
+  double zoom = 0.0;   ///< change of the focal length between the images, as a share
+  /// Time in which an image is read row by row, as a share of the time between the images; 0: a
+  /// global shutter.
+  double readout = 0.0;
+
+  /// The errors of real cameras.
+  static SharedErrors ofRealCameras();
+  bool operator==(const SharedErrors& other) const;
+};
+
 /// Options of the two-view geometry.
 struct TwoViewOptions {
   /// Largest reprojection error of an inlier of a homography in the target, px, > 0. For an
   /// epipolar geometry, the largest Sampson distance of an inlier is half of this value, since the
   /// Sampson distance contains the errors in both images.
   double max_error = 3.0;
-  int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
-  double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
-  std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
-  bool homography = true;     ///< if false, only an epipolar geometry is searched for
-  /// Standard deviation of the errors that calibration, shutter and lens cause, px, >= 0. These
-  /// errors vary linearly over the image, so the residuals do not show them. The covariance of
-  /// every geometry includes them.
-  double shared_error = 0.0;
-  /// The default options, but with a shared_error that is usual for real cameras.
-  static TwoViewOptions realCameras();
-  /// Only for TwoViewMatcher: if true, and if the features have images, the points are refined by
-  /// aligning image patches.
+  int max_iterations = 1000;   ///< maximum number of samples of each search, 1..1000000
+  double confidence = 0.995;   ///< probability that no better model was missed, in (0, 1)
+  std::uint64_t seed = 1;      ///< random seed of the sampling; the same seed gives the same answer
+  bool homography = true;      ///< if false, only an epipolar geometry is searched for
+  SharedErrors shared_errors;  ///< none by default; see SharedErrors::ofRealCameras
+  /// Only for TwoViewMatcher: whether the points are refined by aligning image patches, if the
+  /// features have images.
   bool alignment = true;
 };
 

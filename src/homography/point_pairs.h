@@ -119,6 +119,8 @@ struct Normalisation {
 
   Eigen::Vector2d apply(const Eigen::Vector2d& p) const { return scale * (p - centre); }
 
+  Eigen::Vector2d applyInverse(const Eigen::Vector2d& p) const { return p / scale + centre; }
+
   Eigen::Matrix3d matrix() const {
     Eigen::Matrix3d m;
     m << scale, 0.0, -scale * centre.x(), 0.0, scale, -scale * centre.y(), 0.0, 0.0, 1.0;

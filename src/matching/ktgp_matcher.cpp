@@ -26,7 +26,7 @@ bool hasTwoView(const MatcherOptions& options) {
 
 TwoViewOptions twoViewOptions(const MatcherOptions& options) {
   TwoViewOptions two_view;
-  two_view.shared_error = options.shared_error;
+  two_view.shared_errors = options.shared_errors;
   two_view.max_error = options.prosac.max_error;
   two_view.max_iterations = options.prosac.max_iterations;
   two_view.confidence = options.prosac.confidence;
@@ -499,7 +499,7 @@ MatcherOptions MatcherOptions::slam() {
   options.ratio_threshold = 1.0;
   options.gms.enabled = false;
   options.geometry = GeometryModel::automatic;
-  options.shared_error = TwoViewOptions::realCameras().shared_error;
+  options.shared_errors = SharedErrors::ofRealCameras();
   return options;
 }
 

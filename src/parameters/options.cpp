@@ -45,7 +45,7 @@ SequenceOptions optionsFrom(const Parameters& p) {
 #include "parameters/each_row.def"
 #include "parameters/table.def"
 #include "parameters/table_end.def"
-  matcher.shared_error = TwoViewOptions::realCameras().shared_error;
+  matcher.shared_errors = SharedErrors::ofRealCameras();
   return options;
 }
 

@@ -244,7 +244,7 @@ std::size_t EpipolarProblem::findInliers(const Epipolar& model,
 /// With the symbols of Sampson, the derivative of the distance with respect to F is (x' x^T - q (a
 /// x^T + x' b^T)) / n, where q = C / n².
 double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
-                                Eigen::Vector2d* by_target) const {
+                                Eigen::RowVector4d* by_points) const {
   const double x[3] = {points.x[i], points.y[i], 1.0};
   const double u[3] = {points.u[i], points.v[i], 1.0};
   const Sampson<double> s(f, x[0], x[1], u[0], u[1]);
@@ -259,7 +259,7 @@ double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double*
       by_entries[3 * k + l] = (u[k] * x[l] - a[k] * x[l] - u[k] * b[l]) * scaled;
     }
   }
-  if (by_target != nullptr) *by_target = Eigen::Vector2d(s.a0, s.a1) * scaled;
+  if (by_points != nullptr) *by_points = scaled * Eigen::RowVector4d(s.b0, s.b1, s.a0, s.a1);
   return e * precision[i];
 }
 
@@ -387,32 +387,32 @@ double EpipolarFit::instability(const Epipolar& geometry, double cell,
 }
 
 estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell,
-                                                double shared) {
-  using Shared = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 7, 6>;
+                                                const SharedShifts& shared) {
+  using Shared =
+      Eigen::Matrix<double, Eigen::Dynamic, SharedShifts::kErrors, 0, 7, SharedShifts::kErrors>;
+  const homography::Normalisation& from = problem_.pairs->reference;
+  const homography::Normalisation& to = problem_.pairs->target;
   const EpipolarPairs::Tangent tangent = problem_.pairs->tangent(geometry);
   const homography::PointArrays<double>& points = problem_.points;
   points.findCells(cell, cell_);
   clusters_.reset(tangent.cols(), homography::PointArrays<double>::kCells);
-  Shared by_shared = Shared::Zero(tangent.cols(), 6);
+  Shared by_shared = Shared::Zero(tangent.cols(), SharedShifts::kErrors);
   Vector9 entries;
-  Eigen::Vector2d by_target;
+  Eigen::RowVector4d by_points;
   for (std::size_t i = 0; i < points.size; ++i) {
-    const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_target);
+    const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_points);
     const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
     clusters_.add(cell_[i], pull * e);
-    // All target points share an error that is an affine function of the position (u, v). It has
-    // six terms: along each of the two image axes, a constant shift, one in proportion to u, and
-    // one in proportion to v (u and v are normalised to about 1).
-    const Eigen::RowVector3d linear(1.0, points.u[i], points.v[i]);
-    by_shared.leftCols<3>() += pull * (by_target.x() * linear);
-    by_shared.rightCols<3>() += pull * (by_target.y() * linear);
+    const Eigen::Vector2d x = from.applyInverse({points.x[i], points.y[i]});
+    const Eigen::Vector2d u = to.applyInverse({points.u[i], points.v[i]});
+    by_shared += pull * (to.scale * by_points * shared.at(x, u));
   }
   const estimation::Information bread = estimation::breadOf(fit_.sums());
   const estimation::Information independent =
       estimation::inflationOfWeights(fit_.sums(), fit_.weights()) *
       estimation::independentMeat(fit_.sums(), fit_.weights());
   const estimation::Information all =
-      clusters_.inflated(independent) + shared * shared * by_shared * by_shared.transpose();
+      clusters_.inflated(independent) + by_shared * by_shared.transpose();
   return estimation::sandwich(bread, all);
 }
 

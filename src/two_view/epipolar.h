@@ -12,6 +12,7 @@
 #include "homography/point_pairs.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "two_view/cameras.h"
+#include "two_view/shared_errors.h"
 #include "two_view/solvers.h"
 
 namespace ktgp_orb::two_view {
@@ -105,9 +106,9 @@ struct SampsonProblem {
   void linearise(const Epipolar& geometry, estimation::RobustWeights& weights,
                  estimation::NormalEquations& sums) const;
   /// Returns the residual of a pair. Sets its derivatives with respect to the entries of F, row by
-  /// row, and with respect to the target point.
+  /// row, and, unless `by_points` is null, to the reference point and the target point.
   double evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
-                  Eigen::Vector2d* by_target) const;
+                  Eigen::RowVector4d* by_points) const;
 };
 
 /// The fit of an epipolar geometry: maximum likelihood for Sampson distances with Student's t
@@ -126,10 +127,10 @@ class EpipolarFit {
   bool minimise(Epipolar& geometry);
 
   /// Covariance of the parameters after minimise(). Errors of pairs in the same cell may be
-  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell; `shared`: standard
-  /// deviation of errors that vary linearly over the image; both in normalised units. The
+  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell, normalised units. The
   /// covariance is not finite if the pairs do not determine the parameters.
-  estimation::Information covariance(const Epipolar& geometry, double cell, double shared);
+  estimation::Information covariance(const Epipolar& geometry, double cell,
+                                     const SharedShifts& shared);
 
   /// Factor for `covariance`, > 1 if the motion changes more than `covariance` predicts when a part
   /// of the image is left out of the fit. Changes the state that minimise() left.

@@ -1,5 +1,6 @@
 #include "two_view/motions.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -8,7 +9,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
-#include "homography/point_pairs.h"
+#include "homography/transform.h"
 
 namespace ktgp_orb::two_view {
 namespace {
@@ -78,22 +79,24 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
 }
 
 Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
-                                             const Eigen::Matrix3d& homography, double shared) {
-  const Eigen::Matrix3d centred = homography::Normalisation::of(pairs.target).matrix();
-  const Eigen::Matrix3d back = homography::Normalisation::of(pairs.target).inverse();
-  Eigen::Matrix<double, 8, 8> sum = Eigen::Matrix<double, 8, 8>::Zero();
-  for (int k = 0; k < 6; ++k) {
-    Eigen::Matrix3d flow = Eigen::Matrix3d::Zero();
-    flow(k / 3, k % 3) = shared * centred(0, 0);
-    const Eigen::Matrix3d d = back * flow * centred * homography;
-    Eigen::Matrix<double, 8, 1> column;
-    for (int i = 0; i < 8; ++i) {
-      column[i] = (d(i / 3, i % 3) - homography(i / 3, i % 3) / homography(2, 2) * d(2, 2)) /
-                  homography(2, 2);
-    }
-    sum += column * column.transpose();
+                                             const std::vector<std::uint8_t>& mask,
+                                             const Eigen::Matrix3d& homography,
+                                             const SharedShifts& shared) {
+  Eigen::Matrix<double, 8, 8> squares = Eigen::Matrix<double, 8, 8>::Zero();
+  SharedShifts::Columns<8> pulls = SharedShifts::Columns<8>::Zero();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (mask[i] == 0) continue;
+    const Eigen::Matrix<double, 2, 8> by_entries =
+        homography::jacobianByEntries(homography, pairs.reference[i]);
+    squares += by_entries.transpose() * by_entries;
+    pulls += by_entries.transpose() * shared.at(pairs.reference[i], pairs.target[i], homography);
   }
-  return sum;
+  // The entries are of very different size, so they are scaled for the inverse.
+  const Eigen::Matrix<double, 8, 1> scale = squares.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix<double, 8, 8> scaled = scale.asDiagonal() * squares * scale.asDiagonal();
+  const SharedShifts::Columns<8> columns =
+      scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * pulls);
+  return columns * columns.transpose();
 }
 
 void RotationProblem::evaluate(std::size_t i, const State& rotation, Eigen::Vector2d& residual,
@@ -144,30 +147,25 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
   return true;
 }
 
-Eigen::Matrix3d RotationFit::covariance(double shared, double unseen) const {
-  // All points share an error that is an affine function of the position. It has six terms: along
-  // each of the two image axes, a shift in proportion to x, one in proportion to y, and a constant
-  // shift (x and y are normalised to about 1).
-  const homography::Normalisation scaled = homography::Normalisation::of(problem_.targets);
-  Eigen::Matrix<double, 3, 6> by_shared = Eigen::Matrix<double, 3, 6>::Zero();
+Eigen::Matrix3d RotationFit::covariance(const SharedShifts& shared, double unseen) const {
+  // An undetected translation shifts all points in the same way, which looks like a turn.
+  const Eigen::Matrix2d moved = unseen * Eigen::Matrix2d::Identity();
+  const Eigen::Matrix3d h = problem_.cameras->homographyOf(rotation_);
+  SharedShifts::Columns<3> by_shared = SharedShifts::Columns<3>::Zero();
+  Eigen::Matrix<double, 3, 2> by_move = Eigen::Matrix<double, 3, 2>::Zero();
   Eigen::Vector2d residual;
   Eigen::Matrix<double, 2, 3> jacobian;
   for (std::size_t i = 0; i < size(); ++i) {
     problem_.evaluate(i, rotation_, residual, jacobian);
     jacobian *= fit_.weights().weight[i] * problem_.precision[i];
-    const Eigen::Vector3d linear = scaled.apply(problem_.targets[i]).homogeneous();
-    by_shared.leftCols<3>() += jacobian.row(0).transpose() * linear.transpose();
-    by_shared.rightCols<3>() += jacobian.row(1).transpose() * linear.transpose();
+    const Eigen::Vector2d x = (problem_.cameras->reference * problem_.rays[i]).hnormalized();
+    by_shared += jacobian.transpose() * shared.at(x, problem_.targets[i], h);
+    by_move += jacobian.transpose() * moved;
   }
-  // An undetected translation shifts all points in the same way, which looks like a turn.
-  Eigen::Matrix<double, 6, 1> deviations;
-  deviations.setConstant(shared);
-  const Eigen::Matrix<double, 6, 1> moved =
-      (Eigen::Matrix<double, 6, 1>() << 0.0, 0.0, unseen, 0.0, 0.0, unseen).finished();
-  const Eigen::Matrix<double, 6, 1> both = deviations.cwiseAbs2() + moved.cwiseAbs2();
   const estimation::Information bread = estimation::breadOf(fit_.sums());
   const estimation::Information meat = estimation::independentMeat(fit_.sums(), fit_.weights()) +
-                                       by_shared * both.asDiagonal() * by_shared.transpose();
+                                       by_shared * by_shared.transpose() +
+                                       by_move * by_move.transpose();
   return estimation::sandwich(bread, meat);
 }
 

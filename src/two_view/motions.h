@@ -2,12 +2,14 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "estimation/robust_fit.h"
 #include "estimation/sandwich.h"
 #include "two_view/cameras.h"
 #include "two_view/epipolar.h"
+#include "two_view/shared_errors.h"
 
 namespace ktgp_orb::two_view {
 
@@ -33,10 +35,12 @@ std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography);
 
-/// The covariance of a homography's first eight entries due to errors with standard deviation
-/// `shared`, px, that vary linearly over the target points.
+/// The part of the covariance of a homography's first eight entries that shared errors cause, if
+/// the homography is fitted to the pairs in `mask`.
 Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
-                                             const Eigen::Matrix3d& homography, double shared);
+                                             const std::vector<std::uint8_t>& mask,
+                                             const Eigen::Matrix3d& homography,
+                                             const SharedShifts& shared);
 
 /// Reprojection errors of a camera that only turned, for estimation::RobustFit.
 struct RotationProblem {
@@ -70,11 +74,10 @@ class RotationFit {
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
-  /// Covariance of small rotations about the target camera's axes, rad². It includes the noise;
-  /// errors with standard deviation `shared`, px, that vary linearly over the image; and the effect
-  /// of an undetected parallax of `unseen` px.
-  Eigen::Matrix3d covariance(double shared, double unseen) const;
-  /// Scale of the errors of one coordinate of the target points, px.
+  /// Covariance of small rotations about the target camera's axes, rad². It includes the noise, the
+  /// shared errors, and the effect of an undetected parallax of `unseen` px.
+  Eigen::Matrix3d covariance(const SharedShifts& shared, double unseen) const;
+  /// Standard deviation of one coordinate, px.
   double scale() const { return fit_.weights().scale(); }
   std::size_t size() const { return problem_.targets.size(); }
 

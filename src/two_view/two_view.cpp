@@ -13,6 +13,7 @@
 #include "two_view/epipolar.h"
 #include "two_view/hypotheses.h"
 #include "two_view/motions.h"
+#include "two_view/shared_errors.h"
 #include "two_view/support.h"
 #include "util/constants.h"
 #include "util/geometry.h"
@@ -62,7 +63,7 @@ struct TwoViewEstimator::Impl {
   Covariance6 turnCovariance() const;
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
-  bool isTurn(const PointPairs& pairs) const;
+  bool isTurn(const PointPairs& pairs, const TwoViewInput& input) const;
   void doubtRepetition(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   double repeatedBy(const PointPairs& pairs, const std::vector<double>& deviations,
                     const TwoView& result);
@@ -86,6 +87,7 @@ struct TwoViewEstimator::Impl {
   double log_epipolar = 0.0;
   two_view::RotationFit turn;
   std::optional<two_view::Cameras> cameras;
+  two_view::SharedShifts shared;
   estimation::QualityOrder order;
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
@@ -120,6 +122,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
     prosac.estimate(pairs, input.reference_size, input.homography, plane);
   }
   target_area = estimation::coveredArea(pairs.target);
+  shared = two_view::SharedShifts(options.shared_errors, pairs, input, cameras);
   support.load(pairs, options.max_error);
   judgeHomography(pairs, input);
   log_epipolar = 0.0;
@@ -144,7 +147,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   }
   if (!has_plane) return;
   result.probability = 1.0;
-  if (log_rotation <= log_plane || isTurn(pairs)) {
+  if (log_rotation <= log_plane || isTurn(pairs, input)) {
     setRotation(pairs, result);
   } else {
     setPlane(pairs, input, result);
@@ -291,16 +294,25 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
 
 /// Whether noise and shared errors explain the difference between the homography and the homography
 /// of the fitted turn. If so, the translation that the homography implies does not count.
-bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs) const {
-  constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
-  constexpr double kPoor = 10.0;     // errors of a poor calibration, as a multiple of shared_error
+bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs, const TwoViewInput& input) const {
+  // Twice the bound of 99.9 % of chi² with five degrees of freedom, because the shared errors are
+  // linearised: a focal length that is 3 % wrong leaves hundredths of a pixel unexplained.
+  constexpr double kBound = 2.0 * 20.515;
+  // Errors of a poor calibration, in deviations: those of a phone, or of a data sheet.
+  constexpr double kPoorLinear = 10.0;
+  constexpr double kPoorFocal = 3.0;
   if (!cameras || !std::isfinite(log_rotation)) return false;
   const Eigen::Matrix<double, 8, 1> difference =
       util::entriesOf(plane.answer.homography) -
       util::entriesOf(cameras->homographyOf(turn.rotation()));
+  SharedErrors poor = options.shared_errors;
+  poor.linear *= kPoorLinear;
+  poor.focal *= kPoorFocal;
   const Eigen::Matrix<double, 8, 8> covariance =
       plane.answer.covariance +
-      two_view::sharedCovariance(pairs, plane.answer.homography, kPoor * options.shared_error);
+      two_view::sharedCovariance(
+          pairs, plane.mask, plane.answer.homography,
+          two_view::SharedShifts(poor, pairs, input, cameras).with(turn.rotation()));
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
@@ -415,17 +427,19 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
 }
 
 /// Covariance of a turn, with the translation in units of the distance of the scene. The residuals
-/// of the turn may be parallax, whose mean looks like a turn. If the depths of the points lie
-/// between 3 and 12 (in any unit), the mean parallax is 2.2 times the scatter of the parallax, and
-/// the scale of Student's t distribution is 0.8 times this scatter. So the mean parallax is about
-/// three scales.
+/// of the turn may be parallax, whose mean looks like a turn. For depths of 3 to 12, the mean
+/// parallax is 2.2 times the scatter of the parallax, and the scale of Student's t distribution is
+/// 0.8 times this scatter. So the mean parallax is about three scales, in a direction that is not
+/// known: each axis has half of its square.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
-  const double unseen = kMeanOfScale * turn.scale();
+  const double unseen = std::sqrt(0.5) * kMeanOfScale * turn.scale();
   Covariance6 covariance = Covariance6::Zero();
-  covariance.bottomRightCorner<3, 3>() = turn.covariance(options.shared_error, unseen);
+  covariance.bottomRightCorner<3, 3>() = turn.covariance(shared.with(turn.rotation()), unseen);
   covariance.topLeftCorner<3, 3>().diagonal().setConstant(
       std::pow(unseen / cameras->target(0, 0), 2));
+  // A zoom looks like a translation along the axis.
+  covariance(2, 2) += std::pow(options.shared_errors.zoom, 2);
   return covariance;
 }
 
@@ -470,13 +484,14 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   if (const two_view::PlanarMotion* motion = planar(pose)) {
     return two_view::covarianceOf(
         *motion, *cameras,
-        plane.answer.covariance +
-            two_view::sharedCovariance(pairs, plane.answer.homography, options.shared_error));
+        plane.answer.covariance + two_view::sharedCovariance(pairs, plane.mask,
+                                                             plane.answer.homography,
+                                                             shared.with(pose.rotation)));
   }
   Epipolar geometry = normalised.fromMotion(pose);
   if (fit.minimise(geometry)) {
     const auto covariance =
-        fit.covariance(geometry, cellOf(pairs, input), options.shared_error * normalised.scale());
+        fit.covariance(geometry, cellOf(pairs, input), shared.with(geometry.motion.rotation));
     if (covariance.allFinite() &&
         covariance.topLeftCorner<3, 3>().trace() < kMostTurn * kMostTurn &&
         covariance.bottomRightCorner<2, 2>().trace() < kMostAcross * kMostAcross) {
@@ -585,7 +600,6 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   if (cameras) {
     if (!setMotions(pairs, input, result)) return false;
   } else {
-    const double shared = options.shared_error * normalised.scale();
     if (!fit.covariance(epipolar, cellOf(pairs, input), shared).allFinite()) return false;
     result.fundamental = normalised.inPixels(epipolar);
     result.scale = fit.scale() / normalised.scale();
@@ -608,20 +622,14 @@ Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
                                                          : Doubt::other_motion;
 }
 
-/// Calibrated cameras have a shared_error of 0.02 to 0.06 px. With the covariance S and the error e
-/// of the motion (5 degrees of freedom), the median of e'S^-1e should be 4.35. With a shared_error
-/// of 0.05 px it is 1.0 to 3.0 on six synthetic scenes with a translation, and 3.6 to 4.8 on KITTI
-/// and Strecha. With 0.5 px it is 0.04 to 1.9 on the synthetic scenes: the covariance is too large.
-TwoViewOptions TwoViewOptions::realCameras() {
-  TwoViewOptions options;
-  options.shared_error = 0.05;
-  return options;
-}
-
 TwoViewEstimator::TwoViewEstimator(const TwoViewOptions& options) {
   requireInRange("two-view max_error", options.max_error, 1e-6, 1e6);
   requireInRange("two-view max_iterations", options.max_iterations, 1, 1000000);
-  requireInRange("two-view shared_error", options.shared_error, 0.0, 1e3);
+  const SharedErrors& shared = options.shared_errors;
+  requireInRange("two-view shared_errors.linear", shared.linear, 0.0, 1e3);
+  requireInRange("two-view shared_errors.focal", shared.focal, 0.0, 1.0);
+  requireInRange("two-view shared_errors.zoom", shared.zoom, 0.0, 1.0);
+  requireInRange("two-view shared_errors.readout", shared.readout, 0.0, 1.0);
   requireInRange("two-view confidence", options.confidence, 1e-6, 1.0 - 1e-9);
   impl_ = std::make_unique<Impl>(options);
 }

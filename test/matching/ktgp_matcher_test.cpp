@@ -54,7 +54,7 @@ TEST(MatcherOptionsTest, TheStagesAreThoseOfTheOptions) {
     const MatcherOptions& running = matcher.options();
     EXPECT_EQ(running.prosac.max_error, 2.5);
     EXPECT_EQ(running.guided.radius, 7.0);
-    EXPECT_EQ(running.shared_error, options.shared_error);
+    EXPECT_EQ(running.shared_errors, options.shared_errors);
     MatchResult result;
     result.clear(options);
     EXPECT_EQ(result.stage(StageId::growth) != nullptr, options.growth.enabled);

@@ -20,7 +20,7 @@ import ktgp_orb_core as ktgp
 import numpy as np
 
 sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
-from tool_case import corners_off, mapped, two_depths  # noqa: E402
+from tool_case import OVER_A_PLANE, corners_off, mapped, tilted_plane, two_depths  # noqa: E402
 
 TOOLS = os.environ['KTGP_ORB_TOOLS']
 BOAT = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'oxford/boat')
@@ -121,21 +121,21 @@ class ModuleTest(unittest.TestCase):
 
     def test_a_plane_has_both_motions(self):
         K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
-        tilt = cv2.Rodrigues(np.array([0.0, 0.5, 0.0]))[0]
-        normal, t = tilt[:, 2], np.array([-0.4, 0.0, 0.1])
-        target = cv2.warpPerspective(self.reference, K @ (np.eye(3) + np.outer(t, normal) / 2.0) @ np.linalg.inv(K),
-                                     self.reference.shape[::-1])
-        found = ktgp.match(self.reference, target, 'slam', K=K)
-        self.assertEqual((found.status, found.geometry), ('ok', 'plane'))
-        self.assertGreater(np.abs(found.homography).max(), 0)
-        motions = [found.translation] + ([found.other_motion.translation] if found.other_motion else [])
-        self.assertGreater(max(motion @ t for motion in motions) / np.linalg.norm(t), 0.99)
-        if found.other_motion:
-            self.assertNotEqual(found.doubt, 'none')
+        direction = OVER_A_PLANE / np.linalg.norm(OVER_A_PLANE)
+        for tilt in (-0.5, 0.3, 0.5):
+            found = ktgp.match(self.reference, tilted_plane(self.reference, K, tilt), 'slam', K=K)
+            self.assertEqual((found.status, found.geometry), ('ok', 'plane'))
+            self.assertGreater(np.abs(found.homography).max(), 0)
+            other = found.other_motion
+            self.assertIsNotNone(other, tilt)
+            self.assertGreater(max(found.translation @ direction, other.translation @ direction), 0.99)
+            self.assertLess(found.translation @ other.translation, 0.99)
+            self.assertEqual((found.doubt, other.geometry), ('two_motions_of_a_plane', 'plane'))
             self.assertLess(found.probability, 1.0)
-            self.assertEqual(found.other_motion.covariance.shape, (6, 6))
+            self.assertEqual(other.covariance.shape, (6, 6))
+            self.assertGreater(np.diag(other.covariance).min(), 0.0)
             again = pickle.loads(pickle.dumps(found)).other_motion
-            np.testing.assert_array_equal(again.rotation, found.other_motion.rotation)
+            np.testing.assert_array_equal(again.rotation, other.rotation)
 
     def test_the_default_finds_what_ktgp_match_finds(self):
         tilt = np.float32([[0.25, -0.3, 240], [0.12, 0.75, 20], [0, 0, 1]])

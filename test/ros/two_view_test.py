@@ -10,7 +10,7 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import FAR, NEAR, MatcherCase, two_depths, view, wait_until, write_bag
+from ktgp_testing import FAR, NEAR, OVER_A_PLANE, MatcherCase, tilted_plane, two_depths, view, wait_until, write_bag
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
@@ -139,6 +139,34 @@ class TwoViewTest(MatcherCase):
                 self.assertEqual(run.returncode, 2)
                 self.assertIn(reason, run.stderr)
         self.assertGreater(np.array([float(rows[1]['t' + name]) for name in 'xyz']) @ DIRECTION, 0.9995)
+
+    def test_7_a_recording_of_a_plane_has_both_motions(self):
+        with tempfile.TemporaryDirectory() as folder:
+            bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
+            write_bag(bag, (FIRST, tilted_plane(FIRST, K, 0.5)), info=information(), rate=1.0)
+            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
+                            '--calibration', 'rectified'], check=True)
+            with rosbag.Bag(out) as file:
+                found = [message for topic, message, _ in file.read_messages() if topic.endswith('two_view')][-1]
+            with open(table) as file:
+                row = list(csv.DictReader(file))[1]
+        self.assertEqual((row['geometry'], row['other_geometry']), ('plane', 'plane'))
+        self.assertEqual(row['doubt'], 'two_motions_of_a_plane')
+        self.assertEqual(found.other_geometry, TwoViewGeometry.GEOMETRY_PLANE)
+        self.assertEqual(len(found.other_pose), 1)
+        translations = [np.array([float(row[name + axis]) for axis in 'xyz']) for name in ('t', 'other_t')]
+        self.assertLess(np.dot(*translations), 0.99)
+        direction = OVER_A_PLANE / np.linalg.norm(OVER_A_PLANE)
+        self.assertGreater(max(translation @ direction for translation in translations), 0.99)
+        p, q = found.other_pose[0].pose.position, found.other_pose[0].pose.orientation
+        np.testing.assert_allclose(translations[1], [p.x, p.y, p.z], rtol=1e-5, atol=1e-9)
+        self.assertEqual([float(row['other_q' + name]) for name in 'xyzw'], [q.x, q.y, q.z, q.w])
+        covariance = np.reshape(found.other_pose[0].covariance, (6, 6))
+        self.assertGreater(np.diag(covariance).min(), 0.0)
+        for i, first in enumerate(('tx', 'ty', 'tz', 'rx', 'ry', 'rz')):
+            for k, second in list(enumerate(('tx', 'ty', 'tz', 'rx', 'ry', 'rz')))[i:]:
+                self.assertAlmostEqual(float(row['other_cov_%s_%s' % (first, second)]), covariance[i, k],
+                                       delta=1e-5 * abs(covariance[i, k]))
 
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))

@@ -5,7 +5,8 @@ import subprocess
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, SOURCE, TOOLS, WIDTH, PairCase, picture, two_depths, write_pgm
+from tool_case import (HEIGHT, OVER_A_PLANE, SOURCE, TOOLS, WIDTH, PairCase, picture, tilted_plane, two_depths,
+                       write_pgm)
 
 
 class KtgpMatch(PairCase):
@@ -132,6 +133,31 @@ class KtgpMatch(PairCase):
         plane = self.match("a.pgm", "b.pgm", "--preset", "slam", "--camera", camera)
         self.assertRegex(plane.stdout, r"geometry: (plane|rotation), ")
         self.assertIn("homography A -> B", plane.stdout)
+
+    def test_a_plane_has_both_motions(self):
+        first = self.grey("a.pgm")
+        height, width = first.shape
+        K = np.array([[0.8 * width, 0, width / 2], [0, 0.8 * width, height / 2], [0, 0, 1]])
+        self.write_image("plane.png", tilted_plane(first, K, 0.5))
+        self.match("a.pgm", "plane.png", "--preset", "slam", "--camera",
+                   ",".join(map(str, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))), "--json", "out.json")
+        out = self.json()
+        self.assertEqual((out["status"], out["geometry"]), ("ok", "plane"))
+        view = out["two_view"]
+        other = view["other_pose"]
+        self.assertEqual((view["doubt"], other["geometry"]), ("two_motions_of_a_plane", "plane"))
+        self.assertAlmostEqual(view["probability"] + other["probability"], 1.0, places=9)
+        translations = [np.array(motion["translation"]) for motion in (view["pose"], other)]
+        for translation in translations:
+            self.assertAlmostEqual(np.linalg.norm(translation), 1.0, places=9)
+        self.assertLess(np.dot(*translations), 0.99)
+        direction = OVER_A_PLANE / np.linalg.norm(OVER_A_PLANE)
+        self.assertGreater(max(translation @ direction for translation in translations), 0.99)
+        turn = np.array(other["rotation"]).reshape(3, 3)
+        self.assertLess(np.abs(turn @ turn.T - np.eye(3)).max(), 1e-9)
+        covariance = np.array(other["covariance"]).reshape(6, 6)
+        self.assertLess(np.abs(covariance - covariance.T).max(), 1e-12)
+        self.assertGreater(np.diag(covariance).min(), 0.0)
 
     def test_pictures_of_colours_are_drawn_in_colour(self):
         for name in ("a", "b"):

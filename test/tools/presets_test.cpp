@@ -35,7 +35,7 @@ void expectEqual(const MatcherOptions& preset, const MatcherOptions& core,
   EXPECT_EQ(preset.alignment.points, core.alignment.points);
   EXPECT_EQ(preset.geometry, core.geometry);
   if (core.geometry == GeometryModel::homography) return;
-  EXPECT_EQ(preset.shared_error, core.shared_error);
+  EXPECT_EQ(preset.shared_errors, core.shared_errors);
 }
 
 TEST(Presets, EqualTheCoreOptions) {

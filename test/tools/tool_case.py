@@ -70,6 +70,17 @@ def two_depths(first, K, distance, direction, rotation=np.eye(3)):
     return second
 
 
+# A motion over a plane, in units of its distance, that always leaves a second one: along the view and across it.
+OVER_A_PLANE = np.array([-0.2, 0.0, 0.15])
+
+
+def tilted_plane(first, K, tilt):
+    """What is seen of a picture on a plane, turned by `tilt` about y, after the motion OVER_A_PLANE."""
+    normal = cv2.Rodrigues(np.array([0.0, tilt, 0.0]))[0][:, 2]
+    H = K @ (np.eye(3) + np.outer(OVER_A_PLANE, normal)) @ np.linalg.inv(K)
+    return cv2.warpPerspective(first, H, first.shape[::-1], flags=cv2.INTER_CUBIC)
+
+
 def parameter_rows():
     """Name and a value other than the default of each parameter in the table of the matcher."""
     other = {"descriptor": "teblid", "distribution": "uniform", "geometry": "auto", "mask_image": "none.png",

@@ -31,112 +31,12 @@
 #include "two_view/epipolar.h"
 #include "two_view/solvers.h"
 #include "two_view/support.h"
+#include "world.h"
 
 namespace ktgp_orb::two_view {
 namespace {
 
 using test::Numbers;
-
-const cv::Size kSize(640, 480);
-
-Eigen::Matrix3d camera() {
-  return test::cameraMatrix(500.0, 505.0);
-}
-
-Eigen::Vector3d randomVector(Numbers& numbers) {
-  const double x = numbers.normal();
-  const double y = numbers.normal();
-  return {x, y, numbers.normal()};
-}
-
-/// Rotation by up to `most` radians.
-Eigen::Matrix3d randomRotation(double most, Numbers& numbers) {
-  const Eigen::Vector3d axis = randomVector(numbers).normalized();
-  return Eigen::AngleAxisd(numbers.uniform(0.0, most), axis).toRotationMatrix();
-}
-
-enum class Shape { plane, relief, two_planes, turn, still, depth, forward };
-
-/// A drawn scene and what is true of it.
-struct World {
-  Shape shape = Shape::depth;
-  std::size_t right = 200;  ///< pairs of the scene
-  std::size_t wrong = 60;   ///< pairs of unrelated points
-  double noise = 0.5;       ///< px, in both images
-  RelativePose pose;
-  PointPairs pairs;  ///< the right ones first
-
-  World(Shape shape_, Numbers& numbers, std::size_t right_ = 200, std::size_t wrong_ = 60,
-        double noise_ = 0.5)
-      : shape(shape_), right(right_), wrong(wrong_), noise(noise_) {
-    pose.rotation =
-        shape == Shape::still ? Eigen::Matrix3d::Identity() : randomRotation(0.15, numbers);
-    Eigen::Vector3d t = randomVector(numbers).normalized() * numbers.uniform(0.4, 0.8);
-    if (shape == Shape::turn || shape == Shape::still) t.setZero();
-    if (shape == Shape::forward) {
-      pose.rotation = randomRotation(0.03, numbers);
-      t = Eigen::Vector3d(0.03 * numbers.normal(), 0.03 * numbers.normal(), -1.0);
-    }
-    pose.translation = t.isZero(0.0) ? t : Eigen::Vector3d(t.normalized());
-    const Eigen::Vector3d tilt(0.3 * numbers.normal(), 0.3 * numbers.normal(), 1.0);
-    const Eigen::Matrix3d k = camera();
-    while (pairs.size() < right) {
-      const Eigen::Vector2d x = numbers.pointIn(kSize);
-      const Eigen::Vector3d q = k.inverse() * x.homogeneous();
-      const Eigen::Vector3d p = q * depthOf(x, q, tilt, numbers);
-      const Eigen::Vector3d moved = pose.rotation * p + t;
-      if (moved.z() < 0.2 || p.z() < 0.2) continue;
-      const Eigen::Vector2d u = (k * moved).hnormalized();
-      if (!test::isInside(u, kSize)) continue;
-      const Eigen::Vector2d first(noise * numbers.normal(), noise * numbers.normal());
-      const Eigen::Vector2d second(noise * numbers.normal(), noise * numbers.normal());
-      add(x + first, u + second, test::qualityOf(true, test::Order::good, numbers));
-    }
-    for (std::size_t i = 0; i < wrong; ++i) {
-      const Eigen::Vector2d x = numbers.pointIn(kSize);
-      add(x, numbers.pointIn(kSize), test::qualityOf(false, test::Order::good, numbers));
-    }
-  }
-
-  TwoViewInput input(bool calibrated = true) const {
-    TwoViewInput input;
-    if (calibrated) input.reference_camera = camera();
-    input.reference_size = input.target_size = kSize;
-    return input;
-  }
-
-  double turnError(const RelativePose& found) const {
-    return Eigen::AngleAxisd(found.rotation * pose.rotation.transpose()).angle();
-  }
-  double directionError(const RelativePose& found) const {
-    return std::acos(std::clamp(found.translation.dot(pose.translation), -1.0, 1.0));
-  }
-  double kept(const TwoView& result) const {
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < right; ++i) count += result.mask[i];
-    return static_cast<double>(count) / static_cast<double>(right);
-  }
-
- private:
-  void add(const Eigen::Vector2d& x, const Eigen::Vector2d& u, double quality) {
-    pairs.add(x, u, quality);
-  }
-
-  double depthOf(const Eigen::Vector2d& x, const Eigen::Vector3d& q, const Eigen::Vector3d& tilt,
-                 Numbers& numbers) const {
-    const double flat = 4.0 / q.dot(tilt);
-    switch (shape) {
-      case Shape::plane:
-        return flat;
-      case Shape::relief:
-        return flat * numbers.uniform(0.95, 1.05);
-      case Shape::two_planes:
-        return x.x() < 320.0 ? flat : 7.0 / (q.z() - 0.3 * q.y());
-      default:
-        return numbers.uniform(2.0, 12.0);
-    }
-  }
-};
 
 TEST(Solvers, FiveExactPointsGiveTheTruthAndWhatOpenCvFinds) {
   Numbers numbers(1);
@@ -378,29 +278,6 @@ TEST(TwoView, KeepsThePointsOfANearPlane) {
   EXPECT_GE(good, kRuns * 99 / 100);
 }
 
-/// Normalised squared error of the parameters: `freedom` of them have an error.
-double normalisedError(const World& world, const RelativePose& pose, const Covariance6& covariance,
-                       int freedom) {
-  Eigen::Matrix<double, 6, 1> error;
-  const Eigen::AngleAxisd turn(world.pose.rotation * pose.rotation.transpose());
-  error << world.pose.translation - pose.translation, turn.angle() * turn.axis();
-  if (freedom == 3) {
-    const Eigen::Matrix3d of_turn = covariance.bottomRightCorner<3, 3>();
-    return error.tail<3>().dot(of_turn.inverse() * error.tail<3>());
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(
-      (Eigen::Matrix<double, 6, 6>(covariance)));
-  const Eigen::Matrix<double, 6, 1> parts = solver.eigenvectors().transpose() * error;
-  double sum = 0.0;
-  for (int i = 6 - freedom; i < 6; ++i) sum += parts[i] * parts[i] / solver.eigenvalues()[i];
-  return sum;
-}
-
-double normalisedError(const World& world, const TwoView& found, int freedom) {
-  if (found.status != Status::ok) return std::numeric_limits<double>::infinity();
-  return normalisedError(world, found.pose, found.pose_covariance, freedom);
-}
-
 /// `shared`: px; of errors of the target points that vary linearly over the image.
 void addShared(double shared, Numbers& numbers, PointPairs& pairs) {
   Eigen::Matrix<double, 2, 3> map;
@@ -418,16 +295,16 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
     Shape shape;
     int freedom;
     double shared;   // px, of the drawn points
-    double assumed;  // TwoViewOptions::shared_error
+    double assumed;  // SharedErrors::linear
   };
   // The last case: a calibrated camera (0.02 to 0.06 px in measurements) and the presets' value.
   for (const auto& [shape, freedom, shared, assumed] :
        {Case{Shape::depth, 5, 0.0, 0.0}, Case{Shape::plane, 5, 0.0, 0.0},
         Case{Shape::turn, 3, 0.0, 0.0}, Case{Shape::depth, 5, 0.7, 0.7},
-        Case{Shape::depth, 5, 0.06, TwoViewOptions::realCameras().shared_error}}) {
+        Case{Shape::depth, 5, 0.06, SharedErrors::ofRealCameras().linear}}) {
     Numbers numbers(21);
     TwoViewOptions options;
-    options.shared_error = assumed;
+    options.shared_errors.linear = assumed;
     TwoViewEstimator estimator(options);
     TwoView result;
     double sum = 0.0;
@@ -460,25 +337,6 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
     }
     EXPECT_LT(sum / runs, 1.4 * freedom) << inside << " of " << runs;
   }
-}
-
-/// Over the plane z = 4 + tilt with some pairs off it.
-World worldOverAPlane(double share_off, Numbers& numbers) {
-  World world(Shape::plane, numbers, 300, 20, 0.2);
-  World off(Shape::depth, numbers, 1, 0, 0.2);
-  const auto count = static_cast<std::size_t>(share_off * static_cast<double>(world.right));
-  const Eigen::Matrix3d k = camera();
-  for (std::size_t i = 0; i < count;) {
-    const Eigen::Vector2d x = numbers.pointIn(kSize);
-    const Eigen::Vector3d p = numbers.uniform(2.0, 3.2) * (k.inverse() * x.homogeneous());
-    const Eigen::Vector3d moved = world.pose.rotation * p + 0.6 * world.pose.translation;
-    const Eigen::Vector2d u = (k * moved).hnormalized();
-    if (!(moved.z() > 0.2) || !test::isInside(u, kSize)) continue;
-    world.pairs.reference[i] = x + 0.2 * Eigen::Vector2d(numbers.normal(), numbers.normal());
-    world.pairs.target[i] = u + 0.2 * Eigen::Vector2d(numbers.normal(), numbers.normal());
-    ++i;
-  }
-  return world;
 }
 
 TEST(TwoView, NamesBothMotionsOfAPlane) {

@@ -1,0 +1,102 @@
+#include "two_view/shared_errors.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "homography/transform.h"
+
+namespace ktgp_orb {
+
+SharedErrors SharedErrors::ofRealCameras() {
+  SharedErrors errors;
+  errors.linear = 0.05;
+  errors.focal = 0.01;
+  errors.zoom = 0.003;
+  errors.readout = 0.33;
+  return errors;
+}
+
+bool SharedErrors::operator==(const SharedErrors& other) const {
+  return linear == other.linear && focal == other.focal && zoom == other.zoom &&
+         readout == other.readout;
+}
+
+namespace two_view {
+namespace {
+
+/// Largest standard deviation of the movement during the readout of an image, as a share of its
+/// rows. A faster movement blurs the image. A camera that pitches by 60 deg/s and is read in 30 ms
+/// moves by 1.6 times as much (a focal length of 500 px).
+constexpr double kMostRead = 0.02;
+
+}  // namespace
+
+SharedShifts::SharedShifts(const SharedErrors& deviations, const PointPairs& pairs,
+                           const TwoViewInput& input, const std::optional<Cameras>& cameras)
+    : deviations_(deviations), linear_(homography::Normalisation::of(pairs.target)) {
+  if (!cameras) {
+    deviations_.focal = deviations_.zoom = deviations_.readout = 0.0;
+    return;
+  }
+  const auto image = [](const Eigen::Matrix3d& k, const Eigen::Matrix3d& inverse,
+                        const cv::Size& size) {
+    return Image{k, inverse, size.empty() ? 2.0 * k(1, 2) : size.height};
+  };
+  reference_ = image(cameras->reference, cameras->reference_inverse, input.reference_size);
+  target_ = image(cameras->target, cameras->target_inverse, input.target_size);
+}
+
+/// The camera is assumed to move at a constant speed while the images are taken.
+SharedShifts SharedShifts::with(const Eigen::Matrix3d& rotation) const {
+  SharedShifts shifts = *this;
+  const Eigen::AngleAxisd turn(rotation);
+  const double limit = kMostRead * target_.rows / target_.camera(0, 0);  // rad
+  const double angle = std::min(deviations_.readout * turn.angle(), limit);
+  const Eigen::Matrix3d velocity = crossed(angle * turn.axis());
+  for (Image* image : {&shifts.reference_, &shifts.target_}) {
+    image->turn = image->camera * velocity * image->inverse;
+  }
+  shifts.turned_ = target_.camera * rotation * reference_.inverse;
+  return shifts;
+}
+
+/// A row is read later than the middle row, or earlier.
+Eigen::Vector2d SharedShifts::Image::read(const Eigen::Vector2d& point,
+                                          const Eigen::Vector2d& velocity) const {
+  const Eigen::Vector3d by_turn = turn * point.homogeneous();
+  return fromCentre(point).y() / rows * (velocity + by_turn.head<2>() - by_turn.z() * point);
+}
+
+SharedShifts::Columns<4> SharedShifts::at(const Eigen::Vector2d& reference,
+                                          const Eigen::Vector2d& target) const {
+  const Eigen::RowVector3d linear =
+      deviations_.linear * linear_.apply(target).homogeneous().transpose();
+  Columns<4> shifts = Columns<4>::Zero();
+  shifts.block<1, 3>(2, 0) = linear;
+  shifts.block<1, 3>(3, 3) = linear;
+  shifts.col(6) << deviations_.focal * reference_.fromCentre(reference),
+      deviations_.focal * target_.fromCentre(target);
+  shifts.block<2, 1>(2, 7) = deviations_.zoom * target_.fromCentre(target);
+  if (deviations_.readout > 0.0) {
+    // The parallax is the displacement that is left without the turn.
+    const Eigen::Vector2d parallax = target - (turned_ * reference.homogeneous()).hnormalized();
+    const double most = kMostRead * target_.rows;
+    const double share = std::min(deviations_.readout, most / std::max(parallax.norm(), 1e-9));
+    const Eigen::Vector2d velocity = share * parallax;
+    const Eigen::Matrix2d back = homography::jacobianByPoint(turned_, reference).inverse();
+    shifts.col(8) << reference_.read(reference, back * velocity), target_.read(target, velocity);
+  }
+  return shifts;
+}
+
+SharedShifts::Columns<2> SharedShifts::at(const Eigen::Vector2d& reference,
+                                          const Eigen::Vector2d& target,
+                                          const Eigen::Matrix3d& homography) const {
+  const Columns<4> shifts = at(reference, target);
+  return shifts.bottomRows<2>() -
+         homography::jacobianByPoint(homography, reference) * shifts.topRows<2>();
+}
+
+}  // namespace two_view
+}  // namespace ktgp_orb
