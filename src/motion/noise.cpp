@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 
 #include "estimation/student.h"
+#include "motion/rows.h"
 
 namespace ktgp_orb::motion {
 namespace {
@@ -18,6 +19,20 @@ constexpr double kOfSlope = 6.0;  // rad
 /// conditioned on the parts before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
+}
+
+/// Means over the three parts of a twist: turning, approach and shift. `reversed`: components in
+/// the order of factorOf().
+Eigen::Array3d partsOf(const Eigen::Array<double, 6, 1>& reversed) {
+  return {reversed.head<3>().mean(), reversed(3), reversed.tail<2>().mean()};
+}
+
+/// Variances of the three parts of the motion in `seconds`: rad² for turning, otherwise as a share
+/// of the squared height.
+Eigen::Array3d partsOf(const Eigen::LLT<Matrix6>& factor, double seconds, double height) {
+  Eigen::Array<double, 6, 1> deviations = seconds * factor.matrixLLT().diagonal();
+  deviations.tail<3>() /= height;
+  return partsOf(deviations.square());
 }
 
 }  // namespace
@@ -66,22 +81,27 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   // Minimum motion, rad (about a pixel); while the camera stands still, the error does not change.
   constexpr double kStandsStill = 0.002;
 
+  const Eigen::LLT<Matrix6> factor = factorOf(noise);
+  const bool is_usable = factor.info() == Eigen::Success;  // else it consists of rounding errors
+  if (is_usable) {
+    const Eigen::Array3d given = partsOf(factor, seconds, height);
+    if (count_ < 0) first_ = given / kOfFrame;
+    least_ = first_ / given;
+  }
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) restart();
   seconds_ = seconds;
   ++count_;
   std::move_backward(twists_.begin(), twists_.end() - 1, twists_.end());
   twists_[0] = twist;
   const double moved = seconds * std::max(twist.head<3>().norm() / height, twist.tail<3>().norm());
-  if (count_ < kTwists || moved < kStandsStill) return;
+  if (!is_usable || count_ < kTwists || moved < kStandsStill) return;
 
   Vector6 rough = Vector6::Zero();
   for (int i = 0; i < kTwists; ++i) rough += kDifference[i] * twists_[static_cast<std::size_t>(i)];
   const Vector6 reversed = rough.reverse();
-  const Eigen::LLT<Matrix6> factor = factorOf(noise);
-  if (factor.info() != Eigen::Success) return;  // the covariance consists only of rounding errors
   const Vector6 errors = factor.matrixL().solve(reversed);
   const Eigen::Array<double, 6, 1> squares = (errors.array().square() / kVariance).min(kLargest);
-  const Eigen::Array3d seen(squares.head<3>().mean(), squares(3), squares.tail<2>().mean());
+  const Eigen::Array3d seen = partsOf(squares);
   learned_ = std::min(learned_ + 1.0, kOlder);
   newer_ += (seen - newer_) / kNewer;
   older_ += (seen - older_) / std::max(learned_, kNewer);
@@ -91,7 +111,7 @@ Matrix6 TwistNoise::scaled(const Matrix6& noise) const {
   constexpr double kLeast = 0.05;
   const Eigen::LLT<Matrix6> factor = factorOf(noise);
   if (count_ < 1 || factor.info() != Eigen::Success) return noise;
-  const Eigen::Array3d shares = newer_.max(older_).max(kLeast).min(1.0);
+  const Eigen::Array3d shares = newer_.max(older_).max(least_).max(kLeast).min(1.0);
   Vector6 each;
   each << shares(0), shares(0), shares(0), shares(1), shares(2), shares(2);
   const Matrix6 lower = factor.matrixL();

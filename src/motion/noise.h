@@ -109,8 +109,12 @@ class Relief {
 /// A part of the error of a homography is the same in successive frames and cancels in a velocity.
 /// How large this part is depends on the pictures, so the covariance of the homography is only an
 /// upper limit. Over six frames a camera moves smoothly, but noise does not: the fourth difference
-/// of successive twists is noise. Rough motion adds to this difference, so the noise is never
-/// underestimated.
+/// of successive twists is noise. Rough motion adds to this difference.
+///
+/// The covariance of a homography grows with the distance from the keyframe, but the part that is
+/// the same in successive frames grows, too. So a share that was measured far from a keyframe would
+/// be too small near the next one. The first frame of a keyframe shows the noise of two successive
+/// images, and no later twist is taken to be surer.
 ///
 /// Each of three parts of the twist has its own share: turning (the angular velocity), approach
 /// (the velocity along the optical axis) and shift (the velocity across the optical axis, given the
@@ -141,6 +145,9 @@ class TwistNoise {
   // Running means of the shares of turning, approach and shift, over 30 and over 300 twists.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
+  // Variances of the parts that the first twist of the keyframe shows, see partsOf().
+  Eigen::Array3d first_ = Eigen::Array3d::Zero();
+  Eigen::Array3d least_ = Eigen::Array3d::Zero();  // the same as shares of the newest noise
   double learned_ = 0.0;  // number of twists that gave a share, at most 300
 };
 

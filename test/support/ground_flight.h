@@ -64,6 +64,7 @@ class GroundPictures {
   double perspective = 1.0;      // factor of the noise of h20 and h21
   double claimed = 1.0;          // covariance of the homographies, as a multiple of the true one
   double plane_deviation = 0.0;  // px
+  double lasting = 0.0;          // correlation of the noise of successive images
   int keyframe_every = 10;
 
   GroundFrame seenFrom(const motion::CameraPose& pose) {
@@ -72,15 +73,19 @@ class GroundPictures {
     result.stamp = stampOf(frame);
     result.camera = camera();
     Eigen::Matrix3d noise = Eigen::Matrix3d::Identity();
+    const double fresh = frame == 0 ? 1.0 : std::sqrt(1.0 - lasting * lasting);
     for (int i = 0; i < 8; ++i) {
-      noise(i / 3, i % 3) += image_noise * (i < 6 ? 1.0 : perspective) * normal();
+      const double added = image_noise * (i < 6 ? 1.0 : perspective) * normal();
+      errors_(i) = lasting * errors_(i) + fresh * added;
+      noise(i / 3, i % 3) += errors_(i);
     }
     const Eigen::Matrix3d image = noise * motion::imageFromGround(pose);
     if (frame > 0) {
       result.reference_stamp = stampOf(keyframe_);
       const Eigen::Matrix3d h = camera() * image * keyframe_image_.inverse() * camera().inverse();
       const Eigen::Matrix3d normalised = h / h(2, 2);
-      result.answer = UncertainHomography{normalised, claimed * covarianceOf(normalised),
+      const double differs = 1.0 - std::pow(lasting, frame - keyframe_);
+      result.answer = UncertainHomography{normalised, claimed * differs * covarianceOf(normalised),
                                           Covariance8::Zero(), plane_deviation};
     }
     if (frame % keyframe_every == 0) {
@@ -113,6 +118,7 @@ class GroundPictures {
   std::normal_distribution<double> normal_;
   int frame_ = 0;
   int keyframe_ = 0;
+  Eigen::Matrix<double, 8, 1> errors_ = Eigen::Matrix<double, 8, 1>::Zero();
   Eigen::Matrix3d keyframe_image_ = Eigen::Matrix3d::Identity();
 };
 
