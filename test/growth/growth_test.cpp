@@ -120,6 +120,20 @@ TEST(GrowthPages, AreFoundByWhatExistsOnceInTheOverlap) {
   EXPECT_GE(counts.found, 0.85 * counts.pairs);
 }
 
+// One page is scanned at 150 dpi, the other one at 400 dpi or photographed from near.
+TEST(GrowthPages, OfDifferentScaleThatShareOnlySymbolsAreNotFound) {
+  EXPECT_EQ(test::countPages(0.0, 1, 3, test::fineScan()).found, 0);
+  EXPECT_EQ(test::countPages(0.0, 1, 3, test::nearPhotograph()).found, 0);
+}
+
+TEST(GrowthPages, OfDifferentScaleAreFoundByWhatExistsOnceInTheOverlap) {
+  for (const test::Scan& second : {test::fineScan(), test::nearPhotograph()}) {
+    const test::PageCounts counts = test::countPages(0.3, 1, 3, second);
+    EXPECT_EQ(counts.wrong, 0);
+    EXPECT_GE(counts.found, 0.85 * counts.pairs);
+  }
+}
+
 /// A picture without repetition.
 cv::Mat scene(std::uint64_t seed) {
   cv::Mat image;
