@@ -47,7 +47,6 @@ struct Standing {
   double share = 0.0;
   bool is_rivalled = false;
   bool stands_out = false;
-  bool of_alike = false;  // as in Counting
 };
 
 /// How a map stretches the surroundings of a point. ORB's descriptors tolerate a scale factor, and
@@ -270,7 +269,7 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   const bool of_alike = countShifts(kept, stretch).of_alike;
   const bool stands_out = shifts.standsOut();
   stands = {true, shifts.own().share(), shifts.isRivalled() || (of_alike && !stands_out),
-            stands_out, of_alike};
+            stands_out};
 }
 
 /// Counts the votes for the shifts of a hypothesis. If the images differ much in scale, counts them
@@ -379,12 +378,12 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
       return;
     }
   }
-  // Few keypoints vote if the images differ much in scale. If a hypothesis is rivalled then, the
-  // scene repeats itself, and the less significant ones must stand out.
+  // If a hypothesis is rivalled, the scene repeats itself, and the less significant ones, which may
+  // have a small overlap with few votes, must stand out.
   bool repeats = false;
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
-    repeats |= standing[i].is_rivalled && standing[i].of_alike;
+    repeats |= standing[i].is_rivalled;
     if (standing[i].is_rivalled || (repeats && !standing[i].stands_out)) continue;
     const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
     if (std::any_of(order.begin(), order.end(), is_rival)) return;
