@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "growth/alike_pairs.h"
 #include "growth/grower.h"
 #include "growth/map_fit.h"
 #include "growth/reference_frames.h"
@@ -33,27 +34,48 @@ struct Seed {
   std::int32_t pair;  // index of the pair among the pairs of this view
 };
 
-/// Support of a hypothesis by mutual nearest neighbours in the whole image; see ShiftVotes.
+/// How the votes for shifts were counted.
+struct Counting {
+  bool of_alike = false;      // only keypoints of alike sizes voted, see AlikePairs
+  bool in_reference = false;  // the shifts are px of the reference
+};
+
+/// Support of a hypothesis by mutual nearest neighbours; see ShiftVotes.
 struct Standing {
-  /// False if the images differ so much in scale or tilt that nearest neighbours are seldom right.
+  /// False if the images differ so much in tilt that nearest neighbours are seldom right.
   bool is_known = false;
   double share = 0.0;
   bool is_rivalled = false;
+  bool stands_out = false;
 };
 
-/// Whether the true counterparts of keypoints can be their nearest neighbours if `map` is right.
-/// ORB's descriptors tolerate a scale factor, and a tilt (largest / smallest stretch), of about
-/// two.
-bool keepsNeighbours(const Eigen::Matrix3d& map, const cv::Size& size) {
-  constexpr double kMost = 2.0;
-  const Eigen::Vector2d centre(0.5 * size.width, 0.5 * size.height);
-  const Eigen::Matrix2d local = homography::jacobianByPoint(map, centre);
+/// How a map stretches the surroundings of a point. ORB's descriptors tolerate a scale factor, and
+/// a tilt (largest / smallest stretch), of about two. Within these limits, the true counterparts of
+/// keypoints can be their nearest neighbours.
+struct Stretch {
+  static constexpr double kMost = 2.0;
+  double largest, smallest;
+
+  double scale() const { return std::sqrt(largest * smallest); }
+  bool keepsShape() const { return largest < kMost * smallest; }
+  bool keepsScale() const { return largest < kMost && kMost * smallest > 1.0; }
+};
+
+/// `pairs`: the pairs of the map; their middle is the point.
+Stretch stretchAmong(const PointPairs& pairs, const Eigen::Matrix3d& map) {
+  const Eigen::Matrix2d local = homography::jacobianByPoint(map, middleOf(pairs.reference));
   const double squares = 0.5 * local.squaredNorm();
   const double root =
       std::sqrt(std::max(squares * squares - std::pow(local.determinant(), 2), 0.0));
   const double largest = std::sqrt(squares + root);
-  const double smallest = std::abs(local.determinant()) / largest;
-  return largest < kMost * std::min(smallest, 1.0) && kMost * smallest > 1.0;
+  return {largest, std::abs(local.determinant()) / largest};
+}
+
+/// The map, followed by a shift in the image that it leads to, px.
+Eigen::Matrix3d moved(const Eigen::Matrix3d& map, const Eigen::Vector2d& shift) {
+  Eigen::Matrix3d result = map;
+  result.topRows<2>() += shift * map.row(2);
+  return result;
 }
 
 bool isAccepted(const Grown& grown) {
@@ -88,6 +110,7 @@ struct HomographyGrowth::Impl {
   void sortGrown();
   void growFromRepeats(GrowthResult& result);
   void growFromShifts(GrowthResult& result);
+  growth::Counting countShifts(const Grown& hypothesis, const growth::Stretch& stretch);
   bool isRival(std::size_t other, std::size_t one);
   void choose(GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
@@ -123,6 +146,11 @@ struct HomographyGrowth::Impl {
   growth::ShiftVotes shifts;
   std::vector<growth::ShiftVotes::Peak> peaks;
   PointPairs mutual;  // mutual nearest neighbours of the two images; simulated views do not count
+  // Features of the running find().
+  const Features* reference_features = nullptr;
+  const Features* target_features = nullptr;
+  growth::AlikePairs alike;
+  PointPairs alike_pairs;             // buffer of countShifts()
   std::vector<std::uint8_t> covered;  // buffer of growth::contradicts
 };
 
@@ -239,9 +267,32 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   standing.resize(grown.size());
   growth::Standing& stands = standing[grown_count - 1];
   stands = {};
-  if (!growth::keepsNeighbours(map, image_size)) return;
-  shifts.count(map, mutual, matcher.imageSize());
-  stands = {true, shifts.own().share(), shifts.isRivalled()};
+  const growth::Stretch stretch = growth::stretchAmong(kept.pairs, map);
+  if (!stretch.keepsShape()) return;
+  const bool of_alike = countShifts(kept, stretch).of_alike;
+  const bool stands_out = shifts.standsOut();
+  stands = {true, shifts.own().share(), shifts.isRivalled() || (of_alike && !stands_out),
+            stands_out};
+}
+
+/// Counts the votes for the shifts of a hypothesis. If the images differ much in scale, counts them
+/// in the image of the smaller scale: a shift by one symbol of a page is the same everywhere in a
+/// scan of the page, but not in a photograph from near.
+growth::Counting HomographyGrowth::Impl::countShifts(const Grown& hypothesis,
+                                                     const growth::Stretch& stretch) {
+  if (stretch.keepsScale()) {
+    shifts.count(hypothesis.map, mutual, matcher.imageSize());
+    return {};
+  }
+  alike.find(*reference_features, *target_features, stretch.scale(), alike_pairs);
+  const bool in_reference = stretch.scale() > 1.0;
+  if (in_reference) {
+    std::swap(alike_pairs.reference, alike_pairs.target);
+    shifts.count(hypothesis.map.inverse(), alike_pairs, image_size);
+  } else {
+    shifts.count(hypothesis.map, alike_pairs, matcher.imageSize());
+  }
+  return {true, in_reference};
 }
 
 /// Sorts the hypotheses, the most significant first.
@@ -268,10 +319,7 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
     const Eigen::Matrix3d map = best.map;  // a copy, because tryFrom may reallocate `grown`
     repeats = best.repeats;
     for (const cv::Point2f& shift : repeats) {
-      Eigen::Matrix3d shifted = map;
-      shifted.row(0) += static_cast<double>(shift.x) * map.row(2);
-      shifted.row(1) += static_cast<double>(shift.y) * map.row(2);
-      tryFrom(shifted, middle, result);
+      tryFrom(growth::moved(map, {shift.x, shift.y}), middle, result);
     }
   }
 }
@@ -283,18 +331,23 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
   if (order.empty() || !standing[order.front()].is_rivalled) return;
+  const Grown& best = grown[order.front()];
+  const bool in_reference =
+      countShifts(best, growth::stretchAmong(best.pairs, best.map)).in_reference;
   // A copy, because tryFrom may reallocate `grown`.
-  const Eigen::Matrix3d map = grown[order.front()].map;
-  shifts.count(map, mutual, matcher.imageSize());
+  const Eigen::Matrix3d map = in_reference ? best.map.inverse() : best.map;
   peaks = shifts.others();
   std::sort(peaks.begin(), peaks.end(), [](const auto& a, const auto& b) {
     return a.share() != b.share() ? a.share() > b.share() : a.votes > b.votes;
   });
   if (peaks.size() > kMostShifts) peaks.resize(kMostShifts);
   for (const growth::ShiftVotes::Peak& peak : peaks) {
-    Eigen::Matrix3d shifted = map;
-    shifted.topRows<2>() += peak.shift * map.row(2);
-    tryFrom(shifted, peak.centre, result);
+    const Eigen::Matrix3d shifted = growth::moved(map, peak.shift);
+    if (in_reference) {
+      tryFrom(shifted.inverse(), homography::project(shifted, peak.centre), result);
+    } else {
+      tryFrom(shifted, peak.centre, result);
+    }
   }
 }
 
@@ -328,9 +381,13 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
       return;
     }
   }
+  // If a hypothesis is rivalled, the scene repeats itself, and the less significant ones, which may
+  // have a small overlap with few votes, must stand out.
+  bool repeats = false;
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
-    if (standing[i].is_rivalled) continue;
+    repeats |= standing[i].is_rivalled;
+    if (standing[i].is_rivalled || (repeats && !standing[i].stands_out)) continue;
     const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
     if (std::any_of(order.begin(), order.end(), is_rival)) return;
     if (store(grown[i], result)) return;
@@ -396,6 +453,8 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
   result.clear();
   impl.setReference(reference, views);
   impl.matcher.setTarget(target);
+  impl.reference_features = &reference;
+  impl.target_features = &target;
   impl.vote(impl.views[0], reference, target, matches);
   for (std::size_t v = 1; v < impl.views.size(); ++v) {
     auto& view = impl.views[v];

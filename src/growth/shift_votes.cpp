@@ -5,6 +5,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "growth/verdict.h"
 #include "homography/part_in_view.h"
 
 namespace ktgp_orb::growth {
@@ -16,6 +17,8 @@ constexpr double kRadius = 5.0;
 constexpr double kApart = 15.0;  // px; nearer peaks count as one peak
 constexpr std::size_t kMost = 16;
 constexpr std::size_t kFewest = 3;  // minimum number of votes of a peak
+// Fewer votes may be due to chance, for example if the images differ by a strong tilt.
+constexpr double kEvident = 8.0;
 
 std::uint64_t cellOf(const Eigen::Vector2d& p) {
   constexpr double kCell = 12.0;  // px
@@ -24,6 +27,11 @@ std::uint64_t cellOf(const Eigen::Vector2d& p) {
         static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(v / kCell))));
   };
   return (part(p.x()) << 32) | part(p.y());
+}
+
+/// The share of votes, reduced by one standard deviation.
+double certainShare(const ShiftVotes::Peak& peak) {
+  return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);
 }
 
 double countDistinct(std::vector<std::uint64_t>& cells) {
@@ -109,15 +117,22 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
 // share of a wrong homography was less than 1.4 times the share of the best other shift.
 bool ShiftVotes::isRivalled() const {
   constexpr double kClear = 2.0;
-  // Minimum number of votes; fewer votes may be due to chance, for example if the images differ by
-  // a strong tilt.
-  constexpr double kEvident = 8.0;
-  const auto certain = [](const Peak& peak) {
-    return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);
-  };
   return std::any_of(others_.begin(), others_.end(), [&](const Peak& other) {
-    return other.votes >= kEvident && certain(own_) < kClear * certain(other);
+    return other.votes >= kEvident && certainShare(own_) < kClear * certainShare(other);
   });
+}
+
+bool ShiftVotes::standsOut() const {
+  // log10 of the largest probability. A wrong homography may have as many votes as the best of
+  // hundreds of shifts, for example of all shifts of a page by its symbols.
+  constexpr double kLogMost = -5.0;
+  constexpr double kCommon = 4.0;  // votes; fewer are due to chance at one of many shifts
+  if (own_.votes < kEvident) return false;
+  double share = 0.0;
+  for (const Peak& other : others_) {
+    if (other.votes >= kCommon) share = std::max(share, certainShare(other));
+  }
+  return logChance(own_.votes, share * own_.seen, 1.0) < kLogMost;
 }
 
 }  // namespace ktgp_orb::growth

@@ -40,6 +40,10 @@ class ShiftVotes {
   /// shares were reduced by one standard deviation. A shift with fewer than eight votes is ignored,
   /// because it may be due to chance.
   bool isRivalled() const;
+  /// Whether the own shift has enough votes to be told from the other shifts: eight, and so many
+  /// that chance does not explain them if its true share is the share of the best other shift,
+  /// reduced by one standard deviation.
+  bool standsOut() const;
 
  private:
   struct Vote {

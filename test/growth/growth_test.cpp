@@ -11,6 +11,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drawn_pages.h"
@@ -118,6 +119,33 @@ TEST(GrowthPages, AreFoundByWhatExistsOnceInTheOverlap) {
   const test::PageCounts counts = test::countPages(0.3, 1, 4);
   EXPECT_EQ(counts.wrong, 0);
   EXPECT_GE(counts.found, 0.85 * counts.pairs);
+}
+
+// One page is scanned at 150 dpi, the other one at 400 dpi or photographed from near.
+TEST(GrowthPages, OfDifferentScaleThatShareOnlySymbolsAreNotFound) {
+  EXPECT_EQ(test::countPages(0.0, 1, 3, test::fineScan()).found, 0);
+  EXPECT_EQ(test::countPages(0.0, 1, 3, test::nearPhotograph()).found, 0);
+}
+
+// The chips and most tables have too few details that the coarse scan resolves.
+TEST(GrowthPages, OfDifferentScaleAreFoundByWhatExistsOnceInTheOverlap) {
+  for (const test::Scan& second : {test::fineScan(), test::nearPhotograph()}) {
+    const test::PageCounts counts = test::countPages(0.3, 1, 3, second);
+    EXPECT_EQ(counts.wrong, 0);
+    EXPECT_GE(counts.found, 0.6 * counts.pairs);
+  }
+}
+
+// The most significant hypotheses are rivalled. Those with a small overlap have few votes.
+TEST(GrowthPages, ThatShareOnlySymbolsAreNotFoundInASmallOverlap) {
+  KtgpMatcher matcher(MatcherOptions::robust());
+  MatchResult result;
+  for (const auto& [page, seed] :
+       {std::pair{test::Page::facade, 106}, {test::Page::diagram, 105}}) {
+    const auto pair = test::scannedPair(page, 0.0, seed, test::pageFeatures());
+    matcher.match(pair.frames.reference, pair.frames.target, result);
+    EXPECT_NE(result.status, Status::ok) << test::nameOf(page);
+  }
 }
 
 /// A picture without repetition.

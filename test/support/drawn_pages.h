@@ -24,10 +24,13 @@ inline const char* nameOf(Page page) {
   return kNames[static_cast<std::size_t>(page)];
 }
 
+/// Draws in units of a page. The sheet has `zoom` px for each unit.
 class PagePen {
  public:
-  PagePen(const cv::Size& size, int paper, std::uint64_t seed)
-      : sheet(size, CV_8U, cv::Scalar(paper)), numbers_(seed) {}
+  PagePen(const cv::Size& size, int paper, std::uint64_t seed, double zoom)
+      : sheet(cvRound(zoom * size.height), cvRound(zoom * size.width), CV_8U, cv::Scalar(paper)),
+        zoom_(zoom),
+        numbers_(seed) {}
 
   int below(int limit) { return static_cast<int>(numbers_.uniform(0.0, limit)); }
   std::string word(int letters) {
@@ -37,22 +40,28 @@ class PagePen {
   }
   std::string number(int limit) { return std::to_string(below(limit)); }
   void write(const std::string& text, int x, int y, double height = 0.6, int ink = 0) {
-    cv::putText(sheet, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, height, cv::Scalar(ink), 1,
-                cv::LINE_AA);
+    cv::putText(sheet, text, at(x, y), cv::FONT_HERSHEY_SIMPLEX, zoom_ * height, cv::Scalar(ink),
+                px(1), cv::LINE_AA);
   }
   void box(int x, int y, int width, int height, int ink, int line) {
-    cv::rectangle(sheet, cv::Rect(x, y, width, height), cv::Scalar(ink), line);
+    cv::rectangle(sheet, cv::Rect(at(x, y), cv::Size(px(width), px(height))), cv::Scalar(ink),
+                  line < 0 ? line : px(line));
   }
   void line(int x, int y, int dx, int dy, int ink, int width = 2) {
-    cv::line(sheet, {x, y}, {x + dx, y + dy}, cv::Scalar(ink), width, cv::LINE_AA);
+    cv::line(sheet, at(x, y), at(x + dx, y + dy), cv::Scalar(ink), px(width), cv::LINE_AA);
   }
   void disc(int x, int y, int radius, int ink, int line = cv::FILLED) {
-    cv::circle(sheet, {x, y}, radius, cv::Scalar(ink), line, cv::LINE_AA);
+    cv::circle(sheet, at(x, y), px(radius), cv::Scalar(ink), line < 0 ? line : px(line),
+               cv::LINE_AA);
   }
 
   cv::Mat sheet;
 
  private:
+  int px(int units) const { return cvRound(zoom_ * units); }
+  cv::Point at(int x, int y) const { return {px(x), px(y)}; }
+
+  double zoom_;
   Numbers numbers_;
 };
 
@@ -83,9 +92,10 @@ inline void drawRelay(PagePen& pen, int x, int y) {
   pen.write("K" + std::to_string(10 + pen.below(90)) + "." + pen.number(10), x + 26, y + 40);
 }
 
-inline cv::Mat sheetOf(Page page, const cv::Size& size, std::uint64_t seed) {
+/// `size`: size of the sheet in its units. `zoom`: px for each unit.
+inline cv::Mat sheetOf(Page page, const cv::Size& size, std::uint64_t seed, double zoom = 1.0) {
   const bool is_board = page == Page::circuit;
-  PagePen pen(size, is_board ? 70 : page == Page::facade ? 190 : 255, seed);
+  PagePen pen(size, is_board ? 70 : page == Page::facade ? 190 : 255, seed, zoom);
   const auto forGrid = [&](int dx, int dy, auto draw) {
     for (int x = 40; x < size.width - dx; x += dx) {
       for (int y = 40; y < size.height - dy; y += dy) draw(x, y);
@@ -120,37 +130,63 @@ inline cv::Mat sheetOf(Page page, const cv::Size& size, std::uint64_t seed) {
   return pen.sheet;
 }
 
-/// Two scans of one sheet, 1500 x 1100 px, turned a little, and the homography between them.
+/// A scan or photograph of a part of a sheet.
+struct Scan {
+  cv::Size size{1500, 1100};  ///< px
+  double zoom = 1.0;          ///< px for each unit of the sheet
+  /// Perspective: the scale is divided by 1 + slant at the right edge, and by 1 - slant at the
+  /// lower.
+  double slant = 0.0;
+};
+/// A scan at 400 dpi, if the other scan has 150 dpi.
+inline Scan fineScan() {
+  return {{4000, 2933}, 8.0 / 3.0, 0.0};
+}
+/// A photograph from near: each of its px shows 0.4 units of the sheet in its middle.
+inline Scan nearPhotograph() {
+  return {{1500, 1100}, 2.5, 0.15};
+}
+
+/// Two scans of one sheet, turned a little, and the homography between them.
 struct ScannedPair {
   FramePair frames;
   Eigen::Matrix3d truth;
 };
 
-/// `overlap`: share of the width that both show, 0..1; 0: only the symbols are the same.
-inline ScannedPair scannedPair(Page page, double overlap, std::uint64_t seed,
-                               const OrbOptions& orb) {
-  const cv::Size size(1500, 1100);
-  const cv::Mat sheet = sheetOf(page, {2 * size.width + 100, size.height}, seed);
+/// px of the sheet -> px of the scan. `left`: left edge of the scan, units of the sheet.
+inline Eigen::Matrix3d scanning(const Scan& scan, double left, double angle) {
+  constexpr double kHeight = 1100.0;  // height of the sheet
+  const double top = 0.5 * (kHeight - scan.size.height / scan.zoom);
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+  Eigen::Matrix3d slant = Eigen::Matrix3d::Identity();
+  slant.row(2) << 2.0 * scan.slant / scan.size.width, -2.0 * scan.slant / scan.size.height, 1.0;
+  const double x = 0.5 * scan.size.width, y = 0.5 * scan.size.height;
+  return translation(x, y) * slant * translation(-x, -y) * turn *
+         translation(-scan.zoom * left, -scan.zoom * top);
+}
+
+/// The first scan has 1500 x 1100 px, one for each unit of the sheet. `overlap`: share of its width
+/// that both show, 0..1; 0: only the symbols are the same.
+inline ScannedPair scannedPair(Page page, double overlap, std::uint64_t seed, const OrbOptions& orb,
+                               const Scan& second = {}) {
+  const Scan first;
+  const cv::Size sheet_size(2 * first.size.width + 100, first.size.height);
   Numbers numbers(seed + 1000);
-  const auto scan = [&](double x, const Eigen::Matrix3d& to_scan) {
-    cv::Mat image = warped(sheet, to_scan * translation(-x, 0.0), size, cv::INTER_LINEAR);
+  const auto shown = [&](const Scan& scan, double left, const Eigen::Matrix3d& to_scan) {
+    const cv::Mat sheet = sheetOf(page, sheet_size, seed, scan.zoom);
+    cv::Mat image = warped(sheet, to_scan, scan.size, cv::INTER_LINEAR);
     cv::GaussianBlur(image, image, {}, 0.7);
-    cv::Mat noise(size, CV_16S);
-    cv::RNG(seed + static_cast<std::uint64_t>(x)).fill(noise, cv::RNG::NORMAL, 0.0, 5.0);
+    cv::Mat noise(scan.size, CV_16S);
+    cv::RNG(seed + static_cast<std::uint64_t>(left)).fill(noise, cv::RNG::NORMAL, 0.0, 5.0);
     cv::add(image, noise, image, cv::noArray(), CV_8U);
     return image;
   };
-  const auto turned = [&] {
-    const double angle = numbers.uniform(-0.012, 0.012);
-    Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-    turn.topLeftCorner<2, 2>() << std::cos(angle), -std::sin(angle), std::sin(angle),
-        std::cos(angle);
-    return turn;
-  };
-  const Eigen::Matrix3d a = turned(), b = turned();
-  const double left = 40.0, right = left + size.width * (1.0 - overlap);
-  return {FramePair(scan(left, a), scan(right, b), orb),
-          b * translation(left - right, 0.0) * a.inverse()};
+  const double left = 40.0, right = left + first.size.width * (1.0 - overlap);
+  const Eigen::Matrix3d a = scanning(first, left, numbers.uniform(-0.012, 0.012));
+  const Eigen::Matrix3d b = scanning(second, right, numbers.uniform(-0.012, 0.012));
+  const Eigen::Matrix3d zoom = Eigen::Vector3d(second.zoom, second.zoom, 1.0).asDiagonal();
+  return {FramePair(shown(first, left, a), shown(second, right, b), orb), b * zoom * a.inverse()};
 }
 
 /// As preset photo has it.
@@ -168,26 +204,27 @@ struct PageCounts {
 };
 
 /// Preset robust, seeds from `first` to before `last`; names the pairs that are not as they should.
-inline PageCounts countPages(double overlap, std::uint64_t first, std::uint64_t last) {
-  constexpr double kRight = 3.0;  // px, in the middle of what both show
+inline PageCounts countPages(double overlap, std::uint64_t first, std::uint64_t last,
+                             const Scan& second = {}) {
+  const double right_within = 3.0 * second.zoom;  // px, in the middle of what both show
   const Eigen::Vector2d shown(1500.0 * (1.0 - 0.5 * overlap), 550.0);
   KtgpMatcher matcher(MatcherOptions::robust());
   MatchResult result;
   PageCounts counts;
   for (const Page page : kPages) {
     for (std::uint64_t seed = first; seed < last; ++seed) {
-      const ScannedPair pair = scannedPair(page, overlap, seed, pageFeatures());
+      const ScannedPair pair = scannedPair(page, overlap, seed, pageFeatures(), second);
       matcher.match(pair.frames.reference, pair.frames.target, result);
       const bool found = result.status == Status::ok;
       const bool right =
           found &&
-          (apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() < kRight;
+          (apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() < right_within;
       ++counts.pairs;
       counts.found += found ? 1 : 0;
       counts.wrong += found && !right ? 1 : 0;
       if (found == (overlap > 0.0) && found == right) continue;
-      std::printf("%s %d, overlap %.2f: %s\n", nameOf(page), static_cast<int>(seed), overlap,
-                  found ? "wrong" : "not found");
+      std::printf("%s %d, zoom %.2f, overlap %.2f: %s\n", nameOf(page), static_cast<int>(seed),
+                  second.zoom, overlap, found ? "wrong" : "not found");
     }
   }
   return counts;
