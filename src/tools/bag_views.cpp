@@ -329,9 +329,8 @@ std::string BagViews::report() const {
         place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
         mosaic_.full() ? "; full, some was left out" : "");
     if (repeated_ > 0) {
-      text += options_.mosaic +
-              ": the ground repeats: " + util::counted(repeated_, "frame fits", "frames fit") +
-              " in several places, and so not drawn\n";
+      text += options_.mosaic + ": " + util::counted(repeated_, "frame") +
+              " not drawn, because the ground looks alike in several places\n";
     }
     text += panorama();
     if (unfit_ > 0) {

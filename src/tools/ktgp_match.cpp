@@ -92,11 +92,27 @@ Outcome run(Arguments& arguments) {
                                                       outcome.pair.target, matches);
     }
   }
+  if (outcome.truth) {
+    outcome.guided_errors = metrics::reprojectionErrors(
+        *outcome.truth, outcome.pair.reference, outcome.pair.target, outcome.pair.match.guided);
+  }
   return outcome;
 }
 
-/// The matches as a csv table with one row for each nearest neighbour. The column `level` is the
-/// last stage that the match passed.
+/// A row with the cells of a match up to `level`.
+files::CsvRow rowOf(const PairMatch& pair, const Correspondence& match, const char* level) {
+  const auto r = static_cast<std::size_t>(match.reference_index);
+  const auto t = static_cast<std::size_t>(match.target_index);
+  const cv::Point2f& from = pair.reference.keypoints[r].pt;
+  const cv::Point2f& to = pair.target.keypoints[t].pt;
+  files::CsvRow row;
+  row.add(r).add(t).add(from.x).add(from.y).add(to.x).add(to.y);
+  row.add(match.distance).add(match.second_distance).add(match.ratio()).add(level);
+  return row;
+}
+
+/// The matches as a csv table with one row for each nearest neighbour, and after them one row for
+/// each guided match. The column `level` is the last stage that the match passed, or "guided".
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.errors[0];
@@ -112,14 +128,7 @@ std::string toCsv(const Outcome& outcome) {
   auto point = points.begin();
   for (std::size_t match = 0; match < all.size(); ++match) {
     const Correspondence& c = all[match];
-    const auto r = static_cast<std::size_t>(c.reference_index);
-    const auto t = static_cast<std::size_t>(c.target_index);
-    const cv::Point2f& from = outcome.pair.reference.keypoints[r].pt;
-    const cv::Point2f& to = outcome.pair.target.keypoints[t].pt;
-    files::CsvRow row;
-    row.add(r).add(t).add(from.x).add(from.y).add(to.x).add(to.y);
-    row.add(c.distance).add(c.second_distance).add(c.ratio());
-    row.add(levels[static_cast<std::size_t>(c.level)]);
+    files::CsvRow row = rowOf(outcome.pair, c, levels[static_cast<std::size_t>(c.level)]);
     if (outcome.truth) row.add(errors[i++], 6);
     if (point != points.end() && outcome.pair.match.two_view.match[point->pair] == match) {
       for (const double coordinate : point->position) row.add(coordinate);
@@ -127,6 +136,13 @@ std::string toCsv(const Outcome& outcome) {
     } else if (!points.empty()) {
       row.skip(4);
     }
+    out += row.line();
+  }
+  const std::vector<Correspondence>& guided = outcome.pair.match.guided;
+  for (std::size_t k = 0; k < guided.size(); ++k) {
+    files::CsvRow row = rowOf(outcome.pair, guided[k], "guided");
+    if (outcome.truth) row.add(outcome.guided_errors[k], 6);
+    if (!points.empty()) row.skip(4);
     out += row.line();
   }
   return out;

@@ -194,9 +194,10 @@ std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const std::string more = size.empty() ? "" : "; " + size;
   if (!matcher.growth.enabled || matcher.growth.views == 0 ||
       options.orb.descriptor != DescriptorKind::teblid) {
-    return "these settings are for neighbouring frames of a video; --preset photo finds more "
-           "where the views differ" +
-           more;
+    const bool needs_homography = matcher.geometry == GeometryModel::homography;
+    return "these settings are for neighbouring frames of a video; --preset photo" +
+           std::string(needs_homography ? "" : " --geometry auto") +
+           " finds more where the views differ" + more;
   }
   return "no plane that both images show was recognised. If they do show one: --features 20000 for "
          "small details, or cut both images to the common part" +

@@ -230,6 +230,14 @@ class KtgpMatch(PairCase):
             if row["level"] != "knn":
                 self.assertLess(float(row["ratio"]), 0.66)
 
+    def test_csv_has_all_final_matches(self):
+        self.match_photos("a.pgm", "b.pgm", "--json", "out.json", "--csv", "out.csv", "--ground-truth", "H.txt")
+        final = [row for row in self.table() if row["level"] in ("ktgp", "guided")]
+        self.assertEqual(len(final), self.json()["inliers"])
+        self.assertIn("guided", {row["level"] for row in final})
+        for row in final:
+            self.assertLess(float(row["reprojection_error"]), 4.0)
+
     def test_pictures_are_written(self):
         names = {"--draw": "overlay.png", "--draw-stages": "stages.jpg", "--draw-final": "f.png"}
         self.match("a.pgm", "b.pgm", *[x for pair in names.items() for x in pair])
