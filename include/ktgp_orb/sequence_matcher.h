@@ -212,9 +212,9 @@ class SequenceMatcher {
                              const std::string& encoding = {});
   /// Matches features that were extracted elsewhere. Throws in the same cases as requireValid.
   const SequenceMatch& match(const Features& features, double seconds);
-  /// Matches a frame, which is kept without a copy: do not change it until its use_count() is 1
-  /// again. The result of `ahead` is used instead of a new match if canMatchAhead is true for the
-  /// options and if the reference in `ahead` is the reference that this frame needs.
+  /// Matches a frame. The frame is kept, not copied: do not change it until its use_count() is 1
+  /// again. Uses the result in `ahead` instead of matching again if canMatchAhead() is true for the
+  /// options and ahead->reference is the reference of this frame.
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead = nullptr);
 
   /// Returns an empty frame. Fill it and pass it to match() or setFixedReference(). It reuses the

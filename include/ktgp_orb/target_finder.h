@@ -53,12 +53,12 @@ struct TargetFinderOptions {
   int views = 5;
   /// Shorter side of the smallest targets to find in the frame, px, 40..1000. If it is below 80,
   /// the frame is enlarged before the extraction, and about half of the targets of 45 px are found;
-  /// all values below 80 have the same effect. The enlargement is by a factor of two, or less if
-  /// the frame would become longer than 2500 px; if the factor would be below 1.25, the frame is
-  /// not enlarged. Frames whose longer side is below 480 px are enlarged by a factor of up to four;
-  /// in frames of 160 px, half of the targets of 18 px are found. An enlarged frame takes several
-  /// times as long. A frame is enlarged only if no target is followed, if a small target is
-  /// followed, or if a target was lost; every eighth frame is always enlarged.
+  /// all values below 80 have the same effect. The factor is two, or less if the frame would become
+  /// longer than 2500 px; if it would be below 1.25, the frame is not enlarged. Frames whose longer
+  /// side is below 480 px are enlarged by a factor of up to four; in frames of 160 px, half of the
+  /// targets of 18 px are found. An enlarged frame takes several times as long. A frame is enlarged
+  /// only if no target is followed, if a small target is followed, or if a target was lost; every
+  /// eighth frame is always enlarged.
   double smallest_side = 45.0;
   /// Time per frame for the search for targets that the last frame did not show, ms. While other
   /// targets are followed, a tenth of this time is used. If infinite, all candidates are tried on

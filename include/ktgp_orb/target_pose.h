@@ -28,10 +28,10 @@ class TargetPose {
   /// the image has no distortion. `stamp`: time of this image, ns; `rows`: its height, px.
   ///
   /// With lens distortion, no homography maps a flat target to the image. Therefore the point pairs
-  /// of the detection are moved to their positions without distortion, and a homography is fitted
-  /// to them. If the shutter is not global and the target was also seen in the previous image, the
-  /// pose refers to the time when the middle row was exposed (see withoutShutter). Throws in the
-  /// same cases as planarPoses() and withoutShutter().
+  /// of the detection are moved to where they would be without distortion, and a homography is
+  /// fitted to them. If the shutter is not global and the target was also seen in the previous
+  /// image, the pose refers to the time when the middle row was exposed (see withoutShutter).
+  /// Throws in the same cases as planarPoses() and withoutShutter().
   PlanarPoses find(const DetectedTarget& target, const Eigen::Matrix3d& camera, const Lens* lens,
                    std::int64_t stamp, int rows);
 

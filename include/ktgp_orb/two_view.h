@@ -52,15 +52,16 @@ const char* toString(Doubt doubt);
 /// Standard deviations of the errors that all points of an image share. The residuals do not show
 /// them, so the covariance of every geometry includes them. All are >= 0.
 struct SharedErrors {
-  /// Errors that vary linearly over the image, px: what calibration, lens and shutter leave.
+  /// Errors that vary linearly over the image, px, because calibration, lens model and shutter are
+  /// not exact.
   double linear = 0.0;
-  double focal = 0.0;  ///< error of both focal lengths, as a share of them
-  double zoom = 0.0;   ///< change of the focal length between the images, as a share
+  double focal = 0.0;  ///< common error of both focal lengths, as a share of them
+  double zoom = 0.0;   ///< change of the focal length between the images, as a share of it
   /// Time in which an image is read row by row, as a share of the time between the images; 0: a
   /// global shutter.
   double readout = 0.0;
 
-  /// The errors of real cameras.
+  /// Returns typical errors of real cameras.
   static SharedErrors ofRealCameras();
   bool operator==(const SharedErrors& other) const;
 };

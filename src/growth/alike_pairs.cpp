@@ -9,7 +9,7 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// The smallest and the largest size of the keypoints, px; {0, 0} if there are none.
+/// Returns the smallest and the largest size of the keypoints, px; {0, 0} if there are none.
 std::pair<double, double> sizesOf(const Features& features) {
   if (features.empty()) return {0.0, 0.0};
   const auto [least, most] = std::minmax_element(
@@ -34,7 +34,8 @@ void AlikePairs::choose(const Features& features, double least, double most, Par
 
 void AlikePairs::find(const Features& reference, const Features& target, double scale,
                       PointPairs& pairs) {
-  // The scale is not the same everywhere, and descriptors tolerate a difference of one octave.
+  // Factor by which the range of sizes is widened at each end: the scale varies within an image,
+  // and a descriptor still matches if the size of its keypoint is wrong by up to an octave.
   constexpr double kMargin = 1.2;
   const auto [least, most] = sizesOf(reference);
   const auto [least_of_target, most_of_target] = sizesOf(target);

@@ -11,23 +11,24 @@
 
 namespace ktgp_orb::growth {
 
-/// Finds mutual nearest neighbours of images that differ much in scale.
+/// Finds mutual nearest neighbours between two images that differ much in scale.
 ///
-/// Among all keypoints, most true neighbours are missed: a fine scan has many keypoints on details
-/// that the coarse scan does not resolve, and the coarse scan has large keypoints that the fine
-/// scan has no octave for. So only keypoints are compared that have a size which the other image
-/// has, too, after the change of scale. Keeps its buffers.
+/// If all keypoints are compared, most true pairs are missed: the image with the higher resolution
+/// has many keypoints on details that the other image does not show, and the other image has
+/// keypoints so large that the first image has no pyramid level for them. So we compare only
+/// keypoints whose size, converted to the scale of the other image, also occurs there. Keeps its
+/// buffers.
 class AlikePairs {
  public:
-  /// `scale`: px of the target for each px of the reference, or a rough value. `pairs`: receives
-  /// the neighbours, px of the two images.
+  /// `scale`: how many px of the target one px of the reference becomes; an estimate is enough.
+  /// `pairs`: receives the positions of the neighbours, px.
   void find(const Features& reference, const Features& target, double scale, PointPairs& pairs);
 
  private:
-  /// The compared keypoints of one image.
+  /// The keypoints of one image that are compared.
   struct Part {
-    std::vector<std::int32_t> indices;
-    std::vector<std::uint8_t> descriptors;  // one after the other
+    std::vector<std::int32_t> indices;      // indices into the features
+    std::vector<std::uint8_t> descriptors;  // of these keypoints, one after the other
   };
   /// Chooses the keypoints with a size from `least` to `most` px.
   static void choose(const Features& features, double least, double most, Part& part);

@@ -36,7 +36,7 @@ struct Seed {
 
 /// How the votes for shifts were counted.
 struct Counting {
-  bool of_alike = false;      // only keypoints of alike sizes voted, see AlikePairs
+  bool of_alike = false;      // only keypoints of similar size voted (see AlikePairs)
   bool in_reference = false;  // the shifts are px of the reference
 };
 
@@ -49,9 +49,9 @@ struct Standing {
   bool stands_out = false;
 };
 
-/// How a map stretches the surroundings of a point. ORB's descriptors tolerate a scale factor, and
-/// a tilt (largest / smallest stretch), of about two. Within these limits, the true counterparts of
-/// keypoints can be their nearest neighbours.
+/// How much a map stretches the image near a point: the largest and the smallest factor over all
+/// directions. ORB's descriptors tolerate a scale factor, and a tilt (`largest` / `smallest`), of
+/// about two. Within these limits, the true counterpart of a keypoint can be its nearest neighbour.
 struct Stretch {
   static constexpr double kMost = 2.0;
   double largest, smallest;
@@ -61,7 +61,7 @@ struct Stretch {
   bool keepsScale() const { return largest < kMost && kMost * smallest > 1.0; }
 };
 
-/// `pairs`: the pairs of the map; their middle is the point.
+/// Returns the stretch of `map` in the middle of `pairs`, the pairs that agree with it.
 Stretch stretchAmong(const PointPairs& pairs, const Eigen::Matrix3d& map) {
   const Eigen::Matrix2d local = homography::jacobianByPoint(map, middleOf(pairs.reference));
   const double squares = 0.5 * local.squaredNorm();
@@ -71,7 +71,7 @@ Stretch stretchAmong(const PointPairs& pairs, const Eigen::Matrix3d& map) {
   return {largest, std::abs(local.determinant()) / largest};
 }
 
-/// The map, followed by a shift in the image that it leads to, px.
+/// Returns the map that first applies `map` and then moves the resulting points by `shift`, px.
 Eigen::Matrix3d moved(const Eigen::Matrix3d& map, const Eigen::Vector2d& shift) {
   Eigen::Matrix3d result = map;
   result.topRows<2>() += shift * map.row(2);
@@ -145,8 +145,8 @@ struct HomographyGrowth::Impl {
   std::vector<cv::Point2f> repeats;
   growth::ShiftVotes shifts;
   std::vector<growth::ShiftVotes::Peak> peaks;
-  PointPairs mutual;  // mutual nearest neighbours of the two images; simulated views do not count
-  // Features of the running find().
+  PointPairs mutual;  // mutual nearest neighbours of the two images, not of simulated views
+  // Arguments of find() while it runs.
   const Features* reference_features = nullptr;
   const Features* target_features = nullptr;
   growth::AlikePairs alike;
@@ -191,8 +191,8 @@ void HomographyGrowth::Impl::collectSeeds() {
   });
 }
 
-/// First guess of the map from reference to target. It is the affine map that fits the seed and its
-/// voters.
+/// Returns a first guess of the map from reference to target: the affine map that fits the seed and
+/// its voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
   // Parameter `reach` of fitAffineNear(), px: determines how much the seed's own rotation and scale
   // count.
@@ -218,7 +218,7 @@ Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
          to_view;
 }
 
-/// Position of the seed, px of the reference.
+/// Returns the position of the seed, px of the reference.
 Eigen::Vector2d HomographyGrowth::Impl::placeOf(const Seed& seed) const {
   const View& view = views[static_cast<std::size_t>(seed.view)];
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
@@ -275,9 +275,10 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
             stands_out};
 }
 
-/// Counts the votes for the shifts of a hypothesis. If the images differ much in scale, counts them
-/// in the image of the smaller scale: a shift by one symbol of a page is the same everywhere in a
-/// scan of the page, but not in a photograph from near.
+/// Counts the votes for shifts of `hypothesis`. If the images differ much in scale, measures the
+/// shifts in the image with the lower resolution. If this is the scan of a page, for example, a
+/// shift by one symbol is the same everywhere in it, but not in a photograph taken close to the
+/// page.
 growth::Counting HomographyGrowth::Impl::countShifts(const Grown& hypothesis,
                                                      const growth::Stretch& stretch) {
   if (stretch.keepsScale()) {
@@ -324,9 +325,10 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
-/// Shifts the best hypothesis by each shift that nearest neighbours in the whole image vote for
-/// (see ShiftVotes), and grows it again. This is needed because, in a repetitive scene, a wrong
-/// shift has as many matches as the right shift, or more if the images then overlap more.
+/// If the best hypothesis is rivalled, shifts it by the other shifts that nearest neighbours in the
+/// whole image vote for (see ShiftVotes), at most four, and grows each result. This is needed
+/// because, in a repetitive scene, a wrong shift has as many matches as the right shift, or even
+/// more if it makes the images overlap more.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();
@@ -351,8 +353,8 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   }
 }
 
-/// Whether `other` could be right instead of `one`. It must contradict `one` and, if the shares of
-/// nearest neighbours are known for both, have more than half the share of `one`.
+/// Returns true if `other` could be right instead of `one`. It must contradict `one` and, if the
+/// shares of nearest-neighbour votes are known for both, have more than half the share of `one`.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
   const bool tells = standing[other].is_known && standing[one].is_known;
@@ -381,8 +383,8 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
       return;
     }
   }
-  // If a hypothesis is rivalled, the scene repeats itself, and the less significant ones, which may
-  // have a small overlap with few votes, must stand out.
+  // If a hypothesis is rivalled, the scene repeats itself. The less significant hypotheses must
+  // then stand out (see ShiftVotes), because they may have a small overlap with only few votes.
   bool repeats = false;
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
@@ -408,7 +410,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     return false;
   }
   result.answer = estimate;
-  // Keypoints numbered own_size or higher belong to simulated views.
+  // Keypoints with the index own_size or higher belong to simulated views.
   const auto own = static_cast<std::int32_t>(own_size);
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;

@@ -11,13 +11,13 @@
 namespace ktgp_orb::growth {
 namespace {
 
-// Largest distance of a vote from its peak, px. Votes scatter, because homographies are off by some
-// px far from their matches.
+// px; a vote that is nearer to a peak than this counts for the peak. Votes scatter, because a
+// homography is off by a few px far from its matches.
 constexpr double kRadius = 5.0;
-constexpr double kApart = 15.0;  // px; nearer peaks count as one peak
-constexpr std::size_t kMost = 16;
+constexpr double kApart = 15.0;     // px; nearer peaks count as one peak
+constexpr std::size_t kMost = 16;   // maximum number of other peaks
 constexpr std::size_t kFewest = 3;  // minimum number of votes of a peak
-// Fewer votes may be due to chance, for example if the images differ by a strong tilt.
+// A peak with fewer votes may be due to chance, for example if the images differ by a strong tilt.
 constexpr double kEvident = 8.0;
 
 std::uint64_t cellOf(const Eigen::Vector2d& p) {
@@ -29,7 +29,7 @@ std::uint64_t cellOf(const Eigen::Vector2d& p) {
   return (part(p.x()) << 32) | part(p.y());
 }
 
-/// The share of votes, reduced by one standard deviation.
+/// Returns the share of votes of `peak`, computed from the votes minus one standard deviation.
 double certainShare(const ShiftVotes::Peak& peak) {
   return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);
 }
@@ -123,10 +123,12 @@ bool ShiftVotes::isRivalled() const {
 }
 
 bool ShiftVotes::standsOut() const {
-  // log10 of the largest probability. A wrong homography may have as many votes as the best of
-  // hundreds of shifts, for example of all shifts of a page by its symbols.
+  // log10 of the largest probability of so many votes by chance. It is small because a wrong
+  // homography may be the best of hundreds of wrong shifts, for example of all shifts that move a
+  // symbol of a page to another symbol.
   constexpr double kLogMost = -5.0;
-  constexpr double kCommon = 4.0;  // votes; fewer are due to chance at one of many shifts
+  // Shifts with fewer votes are ignored: if there are many shifts, some get a few votes by chance.
+  constexpr double kCommon = 4.0;
   if (own_.votes < kEvident) return false;
   double share = 0.0;
   for (const Peak& other : others_) {

@@ -14,38 +14,43 @@ namespace ktgp_orb::growth {
 /// Distinguishes the right homography from a copy of it that is shifted to a similar-looking place,
 /// such as the next window of a facade or the next symbol of a circuit diagram.
 ///
-/// Thousands of keypoints near the predicted positions agree with either homography. But a nearest
-/// neighbour in the whole image is chosen among all copies of a pattern, so only patterns that
-/// occur once keep voting for the right shift. Each pair of mutual nearest neighbours votes for the
-/// shift between its target point and the predicted point. A shift by one period also changes the
-/// overlap of the images. So the votes of each shift are divided by the number of pairs that both
-/// images could show at this shift.
+/// With either homography, thousands of keypoints have a match near their predicted positions. So
+/// we count nearest neighbours in the whole image instead. They are chosen among all copies of a
+/// pattern: patterns that repeat vote for many shifts, and patterns that occur only once vote for
+/// the right shift. Each pair of mutual nearest neighbours votes for the shift from the predicted
+/// point to its target point. A shift by one period also changes the overlap of the images. So the
+/// votes of each shift are divided by the number of pairs that both images could show at this
+/// shift.
 class ShiftVotes {
  public:
+  /// A shift that several pairs vote for.
   struct Peak {
     Eigen::Vector2d shift{0.0, 0.0};   ///< shift of the predicted points, px of the target
     Eigen::Vector2d centre{0.0, 0.0};  ///< centre of the voters, px of the reference
     double votes = 0.0;  ///< number of votes, at most one per 12x12 px of either image
-    double seen = 0.0;   ///< number of pairs whose predicted point plus shift is in the target
+    double seen = 0.0;   ///< number of pairs whose predicted point plus `shift` is in the target
     double share() const { return votes / (seen > 1.0 ? seen : 1.0); }
   };
 
-  /// `map`: reference -> target. `pairs`: mutual nearest neighbours. `target`: size of the target.
+  /// Counts the votes. `map`: homography from the reference to the target. `pairs`: the mutual
+  /// nearest neighbours that vote. `target`: size of the target, px.
   void count(const Eigen::Matrix3d& map, const PointPairs& pairs, const cv::Size& target);
 
+  /// The votes for `map` itself, that is for the shift {0, 0}: the own shift.
   const Peak& own() const { return own_; }
   /// The shifts with the most votes except the own shift {0, 0}, at most 16.
   const std::vector<Peak>& others() const { return others_; }
-  /// Whether another shift has at least half the share of votes that the own shift has, after both
-  /// shares were reduced by one standard deviation. A shift with fewer than eight votes is ignored,
-  /// because it may be due to chance.
+  /// Returns true if another shift has more than half the share of votes that the own shift has,
+  /// after the votes of both were reduced by one standard deviation. A shift with fewer than eight
+  /// votes is ignored, because it may be due to chance.
   bool isRivalled() const;
-  /// Whether the own shift has enough votes to be told from the other shifts: eight, and so many
-  /// that chance does not explain them if its true share is the share of the best other shift,
-  /// reduced by one standard deviation.
+  /// Returns true if the own shift has at least eight votes, and significantly more than the other
+  /// shifts: it is very unlikely (10^-5) to get so many votes with a share as large as the largest
+  /// share of another shift, reduced by one standard deviation.
   bool standsOut() const;
 
  private:
+  /// The vote of one pair, and its points in the reference (`from`) and in the target (`to`), px.
   struct Vote {
     Eigen::Vector2d shift, from, to;
   };
@@ -60,7 +65,7 @@ class ShiftVotes {
   std::vector<std::size_t> near_;  // number of votes near each vote
   // Indices into votes_, the vote with the most votes near it first.
   std::vector<std::size_t> order_;
-  // Cells of the voters in the reference and in the target.
+  // Buffers of peakAt(): cells of the voters in the reference [0] and in the target [1].
   std::array<std::vector<std::uint64_t>, 2> cells_{};
 };
 

@@ -37,7 +37,7 @@ double diagonalOf(const FourPoints& corners) {
 
 float msacCost(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
                float give_up) {
-  // After this many pairs, we check whether the sum exceeds `give_up`.
+  // After every block of this many pairs, we check whether the sum exceeds `give_up`.
   constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;
   const Eigen::Matrix3f h = homography.cast<float>();
   const float limit2 = static_cast<float>(limit * limit);

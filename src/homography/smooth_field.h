@@ -124,8 +124,9 @@ class SmoothField {
     double near_weight = 0.0;
     double near_product = 0.0;
   };
-  /// Sums over all cells. The comment of each field gives the product that is summed, with the
-  /// names of the fields of Cell. V: sum of the slopes of a cell and of the cells that touch it.
+  /// Sums of products over all cells. The comment beside each sum says which product: `weight`,
+  /// `slope`, `slope2` and `smoothed` are the fields of Cell, V is the sum of `slope` over the cell
+  /// and the cells that touch it, and ' is the transpose.
   struct CellSums {
     Matrix8 spread = Matrix8::Zero();      // slope smoothed'; the sum is J'W K W J for tau² = 1
     Matrix8 single = Matrix8::Zero();      // slope2 smoothed'

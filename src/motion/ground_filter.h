@@ -19,9 +19,9 @@ using util::SmallRef;
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Jacobian of these small rotations with respect to small rotations of the camera at the
-  /// keyframe: it shows how much `rotation` changes if the keyframe's pose is tilted because the
-  /// normal of the ground is wrong.
+  /// Jacobian of the small rotations that `covariance` describes, with respect to small rotations
+  /// of the camera at the keyframe: it shows how much `rotation` changes if the keyframe's pose is
+  /// tilted because the normal of the ground is wrong.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 

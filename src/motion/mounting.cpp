@@ -90,8 +90,9 @@ void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double se
     begin(seen, reference_stamp, gives_turns);
     return;
   }
-  // Rotation from the previous camera to the newest camera, as the pictures show it.
   if (reference_stamp != reference_stamp_) last_ = {};
+  // `step`: rotation from the camera's frame at the previous image to its frame at the newest
+  // image, computed from the images.
   const Eigen::Matrix3d step = seen.rotation.transpose() * last_.rotation;
   const Eigen::Matrix3d by_tilt = seen.by_tilt - step * last_.by_tilt;
   last_ = seen;

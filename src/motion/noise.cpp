@@ -8,14 +8,15 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// The fit of a plane removes most of the relief, but the seen plane is wrong by about twice the
-// deviation that remains. Half of the picture shows ground as wide as a third of the camera's
-// height, so the error of the slope is 2 / (1/3) = 6 times this deviation.
+// A plane that is fitted to the ground in a picture follows most of the relief. The height of this
+// plane is wrong by about twice the deviation of the ground that remains (kOfPlane). Half of the
+// picture shows ground as wide as a third of the camera's height, so the slope of the plane is
+// wrong by 2 / (1/3) = 6 times this deviation (kOfSlope).
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
-/// Cholesky factor of the twist's covariance with the components in reversed order: angular
-/// velocity, velocity along the optical axis, velocity across it. So each of these parts is
+/// Returns the Cholesky factor of the twist's covariance with the components in reversed order:
+/// angular velocity, velocity along the optical axis, velocity across it. So each of these parts is
 /// conditioned on the parts before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
@@ -70,15 +71,16 @@ DownReading Relief::widened(DownReading reading) const {
 void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
   constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
   // Variance of the fourth difference of twists, if the poses have independent errors of variance
-  // 1/2. This is the fifth difference of the poses, so its variance is half of 1 + 25 + 100 + 100 +
-  // 25 + 1.
+  // 1/2. The fourth difference of the twists is the fifth difference of the poses, so its variance
+  // is half of 1 + 25 + 100 + 100 + 25 + 1.
   constexpr double kVariance = 126.0;
   constexpr double kNewer = 30.0;    // twists
   constexpr double kOlder = 300.0;   // twists
   constexpr double kLargest = 10.0;  // upper limit of a squared error, because of outliers
   // Largest change of the time between frames, as a share of this time.
   constexpr double kJitter = 0.2;
-  // Minimum motion, rad (about a pixel); while the camera stands still, the error does not change.
+  // Minimum motion, rad (about a pixel). While the camera stands still, its error does not change,
+  // so these twists do not show the noise.
   constexpr double kStandsStill = 0.002;
 
   const Eigen::LLT<Matrix6> factor = factorOf(noise);

@@ -20,9 +20,10 @@ struct Innovation {
   double noise = 0.0;
 };
 
-/// Factor by which to enlarge the variance of a measurement whose misfit is `misfit` standard
-/// deviations. It follows from the weight of Student's t distribution with four degrees of freedom
-/// (Lange, Little & Taylor, JASA 1989), and is 1 within normal noise.
+/// Returns the factor by which to enlarge the variance of a measurement with `dimensions`
+/// components whose misfit is `misfit` standard deviations. It follows from the weight of Student's
+/// t distribution with four degrees of freedom (Lange, Little & Taylor, JASA 1989), and is 1 within
+/// normal noise.
 double studentNoise(double misfit, int dimensions);
 
 /// Estimates the noise of one kind of measurement from its innovations by covariance matching
@@ -83,7 +84,8 @@ struct Innovations {
   }
 };
 
-/// Estimates how far the ground deviates from a plane, from how far the points of the images do.
+/// Estimates how far the ground deviates from a plane. Uses how far the points in the images
+/// deviate from their homography.
 ///
 /// A single picture may deviate from a plane by chance, but relief shows in nearly all pictures.
 /// Over relief, the plane that is fitted to a picture differs a little from the mean ground, and
@@ -108,13 +110,13 @@ class Relief {
 ///
 /// A part of the error of a homography is the same in successive frames and cancels in a velocity.
 /// How large this part is depends on the pictures, so the covariance of the homography is only an
-/// upper limit. Over six frames a camera moves smoothly, but noise does not: the fourth difference
-/// of successive twists is noise. Rough motion adds to this difference.
+/// upper limit. Over six frames, a camera moves smoothly, so the fourth difference of the
+/// successive twists is mostly noise. Rough motion adds to this difference.
 ///
 /// The covariance of a homography grows with the distance from the keyframe, but the part that is
 /// the same in successive frames grows, too. So a share that was measured far from a keyframe would
-/// be too small near the next one. The first frame of a keyframe shows the noise of two successive
-/// images, and no later twist is taken to be surer.
+/// be too small near the next one. The first twist from a keyframe shows the noise of two
+/// successive images, so no later twist is assumed to be more certain than that.
 ///
 /// Each of three parts of the twist has its own share: turning (the angular velocity), approach
 /// (the velocity along the optical axis) and shift (the velocity across the optical axis, given the
@@ -122,7 +124,8 @@ class Relief {
 class TwistNoise {
  public:
   /// Call this before the first twist from a new keyframe. The errors of this twist include the
-  /// errors of the keyframe.
+  /// errors of the keyframe, so add() does not compare it with other twists, but takes from it the
+  /// least variance of the next twists.
   void beginKeyframe() { count_ = -1; }
   /// Adds the next twist of the camera, in the camera's own frame. `seconds`: duration. `height`:
   /// height above the ground, m. `noise`: the part of the twist's covariance that is independent of
@@ -136,7 +139,7 @@ class TwistNoise {
   static constexpr int kTwists = 5;
 
   /// Starts a new series, because the next twist does not follow the previous twists. If the next
-  /// twist is the first from a new keyframe (count_ is -1), it remains so.
+  /// twist is the first from a new keyframe, count_ stays -1.
   void restart() { count_ = std::min(count_, 0); }
 
   std::array<Vector6, kTwists> twists_;  // newest twist first

@@ -12,7 +12,8 @@ namespace {
 
 using util::propagated;
 
-/// Mean velocity of the camera since the previous pose, in the camera's frame at the previous pose.
+/// Returns the mean velocity of the camera since the previous pose, m/s, in the camera's frame at
+/// the previous pose.
 Eigen::Vector3d newestVelocity(const GroundFilter& filter, double seconds) {
   const CameraPose& before = filter.before();
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;
@@ -86,8 +87,8 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
       scale_variance * velocity * velocity.transpose();
 }
 
-/// The largest plausible change of velocity. It allows for the acceleration of a vehicle and for
-/// noise: at a large height, the noise of a pixel or two is several metres.
+/// Returns the largest plausible change of velocity, m/s. It allows for the acceleration of a
+/// vehicle and for noise: at a large height, the noise of a pixel or two is several metres.
 double Velocity::largestChange(const GroundFilter& filter, double seconds,
                                double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s

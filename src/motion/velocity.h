@@ -19,8 +19,9 @@ class Velocity {
   void interrupt() { is_measured_ = false; }
   void beginKeyframe() { noise_.beginKeyframe(); }
   /// Measures the velocity between the filter's last two poses, which are `seconds` apart.
-  /// `since_last`: time since the last velocity, s. `is_flat`: whether the ground is flat. On flat
-  /// ground the covariance is reduced to the noise that the twists show, see TwistNoise.
+  /// `since_last`: time since the last velocity, s. `acceleration`: see GroundMotionOptions.
+  /// `is_flat`: true if the ground is flat. On flat ground the covariance is reduced to the noise
+  /// that the twists show, see TwistNoise.
   void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
                bool is_flat);
 
@@ -33,15 +34,16 @@ class Velocity {
   GroundFrame atReference(GroundFrame frame, double seconds, double gap,
                           const GroundMotionOptions& options) const;
 
-  /// Writes the twist of the base to `estimate`.
+  /// Writes the twist of the vehicle's base and its covariance to `estimate`.
   void report(const GroundMotionOptions& options, GroundEstimate& estimate) const;
 
-  /// Whether the newest pose implies a larger change of velocity than a vehicle can make.
+  /// Returns true if the newest pose implies a larger change of velocity than a vehicle can make.
   bool isJump(const GroundFilter& filter, double seconds, double since_last) const;
-  /// Whether the frame at `stamp`, whose pose is a jump, and the refused frames just before it
-  /// agree on one motion. If they do, the velocity before these frames is obsolete. `before`: stamp
-  /// of the previous frame, ns. `is_measured`: true if the filter's previous pose is the pose of
-  /// that previous frame and gives a velocity; false if it is the pose of the last accepted frame.
+  /// Returns true if the frame at `stamp`, whose pose is a jump, and the refused frames just before
+  /// it (three frames in all) agree on one motion. If they do, the velocity before these frames is
+  /// obsolete. `before`: stamp of the previous frame, ns. `is_measured`: true if the filter's
+  /// previous pose is the pose of that previous frame and gives a velocity; false if it is the pose
+  /// of the last accepted frame.
   bool isBelieved(const GroundFilter& filter, std::int64_t stamp, std::int64_t before,
                   std::int64_t keyframe_stamp, bool is_measured);
 

@@ -22,7 +22,8 @@ class CompressedSubscriber
     try {
       image = decodedImage(*message);
     } catch (const RefusedImage& reason) {
-      // The node reports and counts an image that has no pixels.
+      // Pass on an image without pixels. The node refuses and counts it, and reports the reason
+      // that undecodedImage() stores in it.
       image = undecodedImage(message->header, reason);
     }
     take(image);

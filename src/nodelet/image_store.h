@@ -82,7 +82,8 @@ class ImageStore {
   std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
   std::multimap<ros::Time, Stored> images_;  // two images may have the same stamp
-  std::deque<ros::Time> order_;              // stamps in order of arrival, also of taken images
+  // Stamps in order of arrival, including the stamps of images that take() has returned.
+  std::deque<ros::Time> order_;
 };
 
 }  // namespace ktgp_orb

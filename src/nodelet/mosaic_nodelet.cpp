@@ -85,7 +85,7 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// Passes every homography to the mosaic, because they form a chain from frame to frame.
+/// Passes all homographies to the mosaic, because they form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
   // Skip a frame whose stamp went back. If only its stamp is wrong, the next frame continues the

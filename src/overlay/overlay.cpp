@@ -193,10 +193,10 @@ cv::Mat toGrey(const cv::Mat& image) {
   return grey;
 }
 
-/// Draws the style OverlayStyle::difference, but not the panel. Each grey value is 128 + (target -
-/// warped reference) / 2, after the reference was given the mean and contrast of the target. Where
-/// the warped reference does not reach (everywhere, if there is no homography), the darkened target
-/// is shown.
+/// Draws the overlay of OverlayStyle::difference, without the panel. First adjusts the mean and
+/// contrast of the warped reference to the target; each grey value is then 128 + (target - warped
+/// reference) / 2. Shows the darkened target where the warped reference does not cover it, or
+/// everywhere if there is no homography.
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;

@@ -58,8 +58,9 @@ bool ImageStamps::isAhead(const ros::Time& stamp, const ros::Time& arrival) {
   const double lead = secondsBetween(arrival, stamp);
   const auto [least, most] = std::minmax_element(leads_.begin(), leads_.end());
   const bool is_steady = leads_.size() >= kLeast && *most - *least < kJitter;
-  // If queued images arrive all at once, they have less delay than before, but the usual time
-  // between their stamps. A wrong stamp, however, is far after the previous stamp.
+  // When queued images arrive all at once, their delay is smaller than before, but the time between
+  // their stamps is as usual. A wrong stamp is far after the previous stamp, so we check this step,
+  // too.
   const bool is_step = secondsBetween(last_, stamp) > kBacklog;
   const bool is_ahead = is_steady && is_step && lead > *most + kBacklog;
   if (is_ahead) ahead_ = lead - *most;

@@ -9,9 +9,9 @@
 
 namespace ktgp_orb::sequence {
 
-/// Predicts where the next frame looks: assumes that the motion between the last two frames
+/// Predicts the homography to the next frame, assuming that the motion between the last two frames
 /// continues with constant velocity. Stores only the addresses of frames; this is safe, because the
-/// sequence holds the last frame and its reference.
+/// sequence keeps the last frame and its reference.
 class MotionPredictor {
  public:
   /// Predicts the homography from `reference` to `next`. If the motion is unknown, for example

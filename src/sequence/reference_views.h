@@ -12,7 +12,7 @@ namespace ktgp_orb::sequence {
 class ReferenceViewsMaker {
  public:
   /// Returns the views of `reference`, which must have an image. With `in_background`, returns null
-  /// until the thread has finished them.
+  /// until the background thread has finished them.
   const ReferenceViews* of(const FramePtr& reference, const OrbOptions& orb, int views,
                            bool in_background);
   /// Discards the views, also those that the thread is making. Call this if the options or the

@@ -22,7 +22,8 @@ constexpr double kLeastOverlap = 0.5;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
 constexpr std::size_t kMostPlaces = 4;
 
-/// Returns the map from the copy, px, to the copy rotated clockwise by `quarters` x 90 degrees, px.
+/// Returns the map from an image of `size` to the same image rotated clockwise by `quarters` x 90
+/// degrees; both in px.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
   cv::Size now = size;

@@ -211,7 +211,7 @@ void PictureAligner::addVibration(UncertainHomography& estimate) {
   estimate.shared_covariance += unseen;
 }
 
-/// Fits the homography to the patches that alignNear() has aligned last.
+/// Fits the homography to the patches aligned by the last call of alignNear().
 bool PictureAligner::refine(UncertainHomography& estimate) {
   constexpr double kMaxError = 3.0;  // px
   return refiner_.refine(reference_, target_, size_,

@@ -110,7 +110,8 @@ bool isInstanceFrame(const std::string& name, const std::string& frame) {
 /// State that is kept from frame to frame.
 struct Sequence {
   std::uint64_t number = 0;  // number of the frame; the first frame has number 1
-  std::size_t turn = 0;      // place in the order of look-ups at which the next frame begins
+  // Where the next frame starts in the order of look-ups (see FrameSearch::lookUp).
+  std::size_t turn = 0;
   targets::Tracks tracks;
   // Number of the frame that last tried the target.
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;

@@ -42,7 +42,7 @@ struct ViewOptions {
   /// name of the csv file with the homographies from the map to the frames
   std::string mosaic_poses;
   MosaicOptions map;
-  LensConstPtr lens;  ///< its distortion is removed from the images; null: no lens
+  LensConstPtr lens;  ///< lens whose distortion is removed from the images; null: none
 };
 
 /// Adds --stabilize, --mosaic and the options that belong to them.

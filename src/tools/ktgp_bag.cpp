@@ -487,7 +487,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   if (!camera) sayIfCameraChanges(arguments, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
     // At a low rate, the usual time between two images may be longer than max_age. Increase
-    // max_age, so that neighbouring images are matched nevertheless.
+    // max_age, so that neighbouring images are still matched.
     constexpr double kPeriods = 1.5;
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);

@@ -35,7 +35,7 @@ struct Sampson {
 using Points = homography::PointArrays<float>;
 
 Points::Lanes squaredErrors(const Points& p, const Eigen::Matrix3f& f, std::size_t first) {
-  constexpr float kTiny = 1e-30F;  // smallest n², since n is zero at the epipoles
+  constexpr float kTiny = 1e-30F;  // minimum of n², because n is zero at the epipoles
   const Sampson<Points::Lanes> s(f, Points::load(p.x, first), Points::load(p.y, first),
                                  Points::load(p.u, first), Points::load(p.v, first));
   return s.value * s.value / s.length2.max(kTiny);
@@ -179,7 +179,7 @@ double EpipolarPairs::distance(const Epipolar& g, std::size_t i) const {
 }
 
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
-  // After each block of so many pairs, the cost is compared with `give_up`.
+  // After every block of this many pairs, we check whether the cost exceeds `give_up`.
   constexpr std::size_t kBlock = 8 * Points::kLanes;
   const Points& points = pairs.scoring;
   const Eigen::Matrix3f f = model.matrix.cast<float>();
@@ -241,8 +241,8 @@ std::size_t EpipolarProblem::findInliers(const Epipolar& model,
   return markNear(*pairs_, model, pairs_->limit, inlier);
 }
 
-/// With the symbols of Sampson, the derivative of the distance with respect to F is (x' x^T - q (a
-/// x^T + x' b^T)) / n, where q = C / n².
+/// With the symbols of struct Sampson, the derivative of the distance with respect to F is (x' x^T
+/// - q (a x^T + x' b^T)) / n, where q = C / n².
 double SampsonProblem::evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                                 Eigen::RowVector4d* by_points) const {
   const double x[3] = {points.x[i], points.y[i], 1.0};
@@ -304,7 +304,7 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
 /// behind a camera: it is wrong, and a wrong pair near its epipolar line has a large parallax and
 /// thus much influence on the fit. Keeps a pair whose rays are parallel within their errors.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
-  constexpr double kBehind = 3.0;  // deviations
+  constexpr double kBehind = 3.0;  // in units of scale()
   const EpipolarPairs& pairs = *problem_.pairs;
   markNear(pairs, geometry, reach, near_);
   const std::size_t size = pairs.size();
@@ -341,7 +341,7 @@ bool EpipolarFit::step(double reach, Epipolar& geometry) {
 }
 
 bool EpipolarFit::minimise(Epipolar& geometry) {
-  constexpr double kReach = 2.0;  // limits
+  constexpr double kReach = 2.0;  // in units of the limit for inliers
   constexpr int kMostRounds = 6;
   const EpipolarPairs& pairs = *problem_.pairs;
   const auto freedom = static_cast<std::size_t>(pairs.freedom());
@@ -361,7 +361,7 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
   return true;
 }
 
-/// Leaves out each quarter of the cells in turn and fits again (the jackknife over groups). Returns
+/// Leaves out each quarter of the cells in turn and fits again (a jackknife over groups). Returns
 /// the mean squared change of the motion, divided by the value that `covariance` predicts.
 double EpipolarFit::instability(const Epipolar& geometry, double cell,
                                 const Covariance6& covariance) {

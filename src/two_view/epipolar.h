@@ -25,11 +25,12 @@ struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
   RelativePose motion;                               ///< the motion; only with cameras
   Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< U; only without cameras
-  Eigen::Matrix3d v = Eigen::Matrix3d::Identity();
-  double s = 1.0;
+  Eigen::Matrix3d v = Eigen::Matrix3d::Identity();   ///< V; only without cameras
+  double s = 1.0;                                    ///< s; only without cameras
 };
 
-/// Point pairs, normalised with one scale for both images; parametrises their epipolar geometry.
+/// Point pairs in normalised coordinates, with one scale for both images. Converts between their
+/// epipolar geometry and its parameters.
 class EpipolarPairs : public homography::NormalisedPairs {
  public:
   /// `order`: order of the pairs, best quality first. `max_error`: limit of the Sampson distance of
@@ -44,7 +45,8 @@ class EpipolarPairs : public homography::NormalisedPairs {
   double scale() const { return target.scale; }
   /// Focal length of the target camera, normalised units.
   double focal() const { return focal_; }
-  /// The ray K^-1 x of a pair; without cameras, the normalised point itself.
+  /// The ray K^-1 x, where x is the reference point of pair `i`, px; without cameras, its
+  /// normalised point.
   Eigen::Vector3d referenceRay(std::size_t i) const {
     return reference_ray_ * Eigen::Vector3d(refinement.x[i], refinement.y[i], 1.0);
   }
@@ -73,7 +75,7 @@ class EpipolarPairs : public homography::NormalisedPairs {
   double distance(const Epipolar& geometry, std::size_t i) const;
 
  private:
-  /// F between normalised coordinates, from an essential matrix.
+  /// Returns F for normalised coordinates, computed from an essential matrix.
   Eigen::Matrix3d fundamentalOf(const Eigen::Matrix3d& essential) const {
     return target_ray_.transpose() * essential * reference_ray_;
   }
@@ -84,15 +86,17 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Eigen::Matrix3d target_ray_;
 };
 
-/// Two unit vectors that are orthogonal to each other and to the unit vector `direction`.
+/// Returns two unit vectors that are orthogonal to each other and to the unit vector `direction`.
 Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 
-/// Multiplies `matrix` from the left by the rotation of a small rotation vector.
+/// Returns `matrix`, multiplied from the left by the rotation with the rotation vector `rotation`,
+/// rad.
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix);
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 
-/// The Sampson distances of selected pairs, divided by their deviations, for estimation::RobustFit.
+/// The Sampson distances of selected pairs, divided by the relative standard deviations of the
+/// pairs, for estimation::RobustFit.
 struct SampsonProblem {
   using State = Epipolar;
 
@@ -105,8 +109,9 @@ struct SampsonProblem {
   }
   void linearise(const Epipolar& geometry, estimation::RobustWeights& weights,
                  estimation::NormalEquations& sums) const;
-  /// Returns the residual of a pair. Sets its derivatives with respect to the entries of F, row by
-  /// row, and, unless `by_points` is null, to the reference point and the target point.
+  /// Returns the residual of the selected pair `i`. Sets `by_entries` to the derivatives of the
+  /// residual with respect to the nine entries of F, row by row, and `by_points`, unless it is
+  /// null, to the derivatives with respect to the reference point (2) and the target point (2).
   double evaluate(std::size_t i, const Eigen::Matrix3d& f, double* by_entries,
                   Eigen::RowVector4d* by_points) const;
 };
@@ -127,13 +132,14 @@ class EpipolarFit {
   bool minimise(Epipolar& geometry);
 
   /// Covariance of the parameters after minimise(). Errors of pairs in the same cell may be
-  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell, normalised units. The
-  /// covariance is not finite if the pairs do not determine the parameters.
+  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell, normalised units.
+  /// `shared`: further errors, which all pairs share. The covariance is not finite if the pairs do
+  /// not determine the parameters.
   estimation::Information covariance(const Epipolar& geometry, double cell,
                                      const SharedShifts& shared);
 
-  /// Factor for `covariance`, > 1 if the motion changes more than `covariance` predicts when a part
-  /// of the image is left out of the fit. Changes the state that minimise() left.
+  /// Returns a factor for `covariance`. It is above 1 if the motion changes more than `covariance`
+  /// predicts when the fit leaves out a part of the image. Changes the state that minimise() left.
   double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
 
   /// After minimise(): scale of the Sampson distances of pairs with the relative deviation 1,

@@ -17,8 +17,9 @@ struct NumberField {
   const char* text;  ///< meaning, unit, range
 };
 
-/// Calls `visit` for each number of a two-view geometry in messages and files. Passes its
-/// NumberField and its member in each object of `holders` (TwoView, messages, or none).
+/// Calls `visit` once for each number of a two-view geometry that messages and files contain. The
+/// arguments of `visit` are the NumberField and, for each object of `holders` (TwoView, messages,
+/// or none), the member that stores the number.
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit(NumberField{"probability",

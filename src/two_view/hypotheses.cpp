@@ -113,7 +113,7 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
 /// So both signs of each fitted motion are judged.
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;  // maximum number of fits
-  // Starts with a cost above this multiple of the lowest cost are not fitted.
+  // A start is not fitted if its cost is more than this multiple of the lowest cost.
   constexpr float kMostCost = 2.0F;
   // Minimum of `scale_`, as a share of the limit (0.1 px for the default max_error). It is needed
   // because smooth errors do not show in the residuals.

@@ -18,11 +18,12 @@ struct Hypothesis {
 
 /// The motions that may explain the pairs, and their probabilities.
 ///
-/// Every motion that start() is given is refined by the same fit over all pairs. The likelihood of
-/// a pair is a mixture: Student's t distribution of its distance (EpipolarPairs::distance, which
-/// includes the chirality) for right pairs, and a uniform distribution for wrong pairs. The gain of
-/// a pair is the logarithm of its likelihood divided by the likelihood of a wrong pair. The motion
-/// with the largest sum of gains explains the pairs best.
+/// refine() fits the best of the motions passed to start(), each with the same fit over all pairs.
+/// The likelihood of a pair is a mixture: Student's t distribution of its distance
+/// (EpipolarPairs::distance, which includes the chirality) for right pairs, and a uniform
+/// distribution for wrong pairs. The gain of a pair is the logarithm of its likelihood divided by
+/// the likelihood of a wrong pair. The motion with the largest sum of gains explains the pairs
+/// best.
 ///
 /// The difference of two sums tells how much more likely one motion is, but neighbouring pairs are
 /// not independent: they may be on a moving object, or be mismatched in the same way. So the

@@ -26,7 +26,8 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography) {
-  constexpr double kLeast = 1e-9;  // in units of the plane's distance; less is rounding error
+  // In units of the plane's distance; a shorter translation is a rounding error.
+  constexpr double kLeast = 1e-9;
   cv::Matx33d calibrated;
   cv::eigen2cv(Eigen::Matrix3d(cameras.target_inverse * homography * cameras.reference),
                calibrated);
@@ -55,7 +56,9 @@ std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
 
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography) {
-  // Jacobian of H's first eight entries with respect to rotation, translation and normal.
+  // Jacobian of the first eight entries of H, scaled so that the last entry is 1, with respect to
+  // the rotation (3 columns), the direction (2) and length (1) of the translation, and the normal
+  // (2).
   const double length = motion.translation.norm();
   const Eigen::Vector3d direction = motion.translation / length;
   const Eigen::Matrix<double, 3, 2> around = across(direction);
@@ -91,7 +94,7 @@ Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
     squares += by_entries.transpose() * by_entries;
     pulls += by_entries.transpose() * shared.at(pairs.reference[i], pairs.target[i], homography);
   }
-  // The entries are of very different size, so they are scaled for the inverse.
+  // The entries of a homography differ much in size, so the system is scaled before it is solved.
   const Eigen::Matrix<double, 8, 1> scale = squares.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, 8, 8> scaled = scale.asDiagonal() * squares * scale.asDiagonal();
   const SharedShifts::Columns<8> columns =
@@ -115,7 +118,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
                       const Eigen::Matrix3d& homography, std::size_t inliers, double max_error,
                       const std::vector<double>* deviations) {
   constexpr int kRounds = 3;
-  constexpr double kReach = 2.0;  // limits
+  constexpr double kReach = 2.0;  // in units of `max_error`
   estimation::FitRules rules;
   rules.longest = 1.0;       // rad
   rules.least_scale = 1e-4;  // px
@@ -170,8 +173,8 @@ Eigen::Matrix3d RotationFit::covariance(const SharedShifts& shared, double unsee
 }
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
-  constexpr int kRounds = 5;  // the first two rounds give all pairs nearly the same weight
-  constexpr std::size_t kMost = 200;
+  constexpr int kRounds = 5;          // the first two rounds give all pairs nearly the same weight
+  constexpr std::size_t kMost = 200;  // best pairs
   constexpr double kLeastScale2 = 1e-18;  // rad²; not 0, because all residuals may be zero
   const std::size_t n = std::min(pairs.size(), kMost);
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();

@@ -24,19 +24,20 @@ struct PlanarMotion {
   RelativePose pose() const { return {rotation, translation.normalized()}; }
 };
 
-/// The motions that explain `homography` (Faugeras & Lustman 1988; Malis & Vargas 2007), at most
-/// two. The plane must be in front of the camera for at least half of the pairs in `mask`. Empty if
-/// the camera did not move.
+/// Returns the motions, at most two, that explain `homography` (Faugeras & Lustman 1988; Malis &
+/// Vargas 2007). Leaves out a motion if the plane would be behind the camera for more than half of
+/// the pairs in `mask`. Empty if the camera did not move.
 std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const Cameras& cameras, const Eigen::Matrix3d& homography);
 
-/// Covariance of `motion`. `of_homography`: covariance of the homography's first eight entries.
+/// Returns the covariance of `motion`. `of_homography`: covariance of the homography's first eight
+/// entries.
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography);
 
-/// The part of the covariance of a homography's first eight entries that shared errors cause, if
-/// the homography is fitted to the pairs in `mask`.
+/// Returns the covariance that the shared errors cause in the first eight entries of a homography
+/// that was fitted to the pairs in `mask`.
 Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
                                              const std::vector<std::uint8_t>& mask,
                                              const Eigen::Matrix3d& homography,
@@ -51,7 +52,7 @@ struct RotationProblem {
   const Cameras* cameras = nullptr;
   std::vector<Eigen::Vector3d> rays;     ///< rays of the reference points
   std::vector<Eigen::Vector2d> targets;  ///< px
-  std::vector<double> precision;         ///< inverse of each pair's relative deviation
+  std::vector<double> precision;         ///< inverse of each pair's relative standard deviation
 
   static State moved(const State& rotation, const estimation::Step& step) {
     return turned(step.head<3>(), rotation);
@@ -64,20 +65,22 @@ struct RotationProblem {
   }
 };
 
-/// Fits the rotation by maximum likelihood. Keeps its buffers.
+/// Fits the rotation of a camera that only turned, by maximum likelihood. Keeps its buffers.
 class RotationFit {
  public:
   /// Fits the rotation to the pairs that agree with it; starts from `homography`. Returns false if
-  /// fewer than five pairs agree, or fewer than half of the homography's `inliers`, or if the
-  /// agreeing pairs do not determine the rotation. `deviations`: see TwoViewInput.
+  /// fewer than five pairs agree, or fewer than half as many as the homography has (`inliers`), or
+  /// if the agreeing pairs do not determine the rotation. `max_error`: see TwoViewOptions.
+  /// `deviations`: see TwoViewInput.
   bool fit(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
            std::size_t inliers, double max_error, const std::vector<double>* deviations);
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
   /// Covariance of small rotations about the target camera's axes, rad². It includes the noise, the
-  /// shared errors, and the effect of an undetected parallax of `unseen` px.
+  /// shared errors, and an undetected parallax that shifts all points alike, with the standard
+  /// deviation `unseen` (px) along x and y.
   Eigen::Matrix3d covariance(const SharedShifts& shared, double unseen) const;
-  /// Standard deviation of one coordinate, px.
+  /// Standard deviation of one coordinate of the reprojection errors, px.
   double scale() const { return fit_.weights().scale(); }
   std::size_t size() const { return problem_.targets.size(); }
 
@@ -87,8 +90,8 @@ class RotationFit {
   Eigen::Matrix3d rotation_ = Eigen::Matrix3d::Identity();
 };
 
-/// The rotation that maps the reference rays of the best pairs to their target rays, as if the
-/// camera had only turned: least squares with the weights of the Cauchy distribution.
+/// Returns the rotation that maps the reference rays of the best pairs to their target rays, as if
+/// the camera had only turned: least squares with the weights of the Cauchy distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 }  // namespace ktgp_orb::two_view

@@ -25,9 +25,10 @@ bool SharedErrors::operator==(const SharedErrors& other) const {
 namespace two_view {
 namespace {
 
-/// Largest standard deviation of the movement during the readout of an image, as a share of its
-/// rows. A faster movement blurs the image. A camera that pitches by 60 deg/s and is read in 30 ms
-/// moves by 1.6 times as much (a focal length of 500 px).
+/// Largest standard deviation of how far a point moves while an image is read, as a share of the
+/// image's rows. A faster movement blurs the image. For comparison: if a camera with a focal length
+/// of 500 px and 480 rows pitches at 60 deg/s and is read in 30 ms, the points move 1.6 times as
+/// far.
 constexpr double kMostRead = 0.02;
 
 }  // namespace
@@ -47,7 +48,7 @@ SharedShifts::SharedShifts(const SharedErrors& deviations, const PointPairs& pai
   target_ = image(cameras->target, cameras->target_inverse, input.target_size);
 }
 
-/// The camera is assumed to move at a constant speed while the images are taken.
+/// Assumes that the camera moves at constant speed from the reference to the target.
 SharedShifts SharedShifts::with(const Eigen::Matrix3d& rotation) const {
   SharedShifts shifts = *this;
   const Eigen::AngleAxisd turn(rotation);
@@ -61,7 +62,6 @@ SharedShifts SharedShifts::with(const Eigen::Matrix3d& rotation) const {
   return shifts;
 }
 
-/// A row is read later than the middle row, or earlier.
 Eigen::Vector2d SharedShifts::Image::read(const Eigen::Vector2d& point,
                                           const Eigen::Vector2d& velocity) const {
   const Eigen::Vector3d by_turn = turn * point.homogeneous();
@@ -79,7 +79,7 @@ SharedShifts::Columns<4> SharedShifts::at(const Eigen::Vector2d& reference,
       deviations_.focal * target_.fromCentre(target);
   shifts.block<2, 1>(2, 7) = deviations_.zoom * target_.fromCentre(target);
   if (deviations_.readout > 0.0) {
-    // The parallax is the displacement that is left without the turn.
+    // The parallax is the part of the displacement that the turn does not explain.
     const Eigen::Vector2d parallax = target - (turned_ * reference.homogeneous()).hnormalized();
     const double most = kMostRead * target_.rows;
     const double share = std::min(deviations_.readout, most / std::max(parallax.norm(), 1e-9));

@@ -9,47 +9,57 @@
 
 namespace ktgp_orb::two_view {
 
-/// The errors that all points of an image share, as shifts of the points of a pair. Every geometry
-/// carries them into its covariance by its derivatives with respect to the points.
+/// Converts the errors that all points of an image share (see SharedErrors) to shifts of the two
+/// points of a pair. Each geometry propagates these shifts to its covariance, with its derivatives
+/// with respect to the points.
 class SharedShifts {
  public:
-  /// Linear errors of the target points along x and along y, by 1, x and y each; the focal length
-  /// of both cameras; the zoom between the images; the readout of a rolling shutter.
+  /// Number of errors. 0 to 2: shift of the target points along x, proportional to x, proportional
+  /// to y, and constant, where x and y are the normalised position in the target; 3 to 5: the same
+  /// along y; 6: focal length of both cameras; 7: zoom between the images; 8: readout of a rolling
+  /// shutter.
   static constexpr int kErrors = 9;
   template <int kRows>
   using Columns = Eigen::Matrix<double, kRows, kErrors>;
 
   SharedShifts() = default;
-  /// Without cameras, only the linear errors are known.
+  /// Without `cameras`, only the linear errors are taken into account.
   SharedShifts(const SharedErrors& deviations, const PointPairs& pairs, const TwoViewInput& input,
                const std::optional<Cameras>& cameras);
 
-  /// The shifts if the camera turns by `rotation` from the reference to the target.
+  /// Returns a copy for a camera that turns by `rotation` from the reference to the target. The
+  /// shifts by the readout depend on this rotation.
   SharedShifts with(const Eigen::Matrix3d& rotation) const;
 
-  /// Shifts of the reference point (two rows) and of the target point (two rows) by one standard
-  /// deviation of each error, px.
+  /// How far one standard deviation of each error (one column each) shifts the reference point
+  /// (first two rows) and the target point (last two rows), px.
   Columns<4> at(const Eigen::Vector2d& reference, const Eigen::Vector2d& target) const;
-  /// Shifts of the target point against the reference point as `homography` maps it.
+  /// How far one standard deviation of each error shifts the target point relative to the reference
+  /// point mapped by `homography`, px.
   Columns<2> at(const Eigen::Vector2d& reference, const Eigen::Vector2d& target,
                 const Eigen::Matrix3d& homography) const;
 
  private:
+  /// Camera matrix K of an image (px), its inverse, and the height of the image, px.
   struct Image {
     Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();
     Eigen::Matrix3d inverse = Eigen::Matrix3d::Identity();
     double rows = 1.0;
-    Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();  // velocity of a point, as the camera turns
+    // K [w] K^-1, where [w] is the cross product matrix of the camera's rotation during the
+    // readout, rad: maps a homogeneous point to its change during the readout.
+    Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
 
     Eigen::Vector2d fromCentre(const Eigen::Vector2d& point) const {
       return point - camera.topRightCorner<2, 1>();
     }
-    /// Shift of a point with this velocity that is not due to the turn.
+    /// Returns the shift of `point`, px, because its row is read earlier or later than the row of
+    /// the principal point. `velocity`: how far the point moves during the readout without the
+    /// turn, px.
     Eigen::Vector2d read(const Eigen::Vector2d& point, const Eigen::Vector2d& velocity) const;
   };
 
   SharedErrors deviations_;
-  homography::Normalisation linear_;
+  homography::Normalisation linear_;  // normalises the target points
   Image reference_;
   Image target_;
   Eigen::Matrix3d turned_ = Eigen::Matrix3d::Identity();  // homography of the turn

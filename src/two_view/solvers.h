@@ -18,15 +18,15 @@ template <std::size_t Degree>
 std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
                       std::array<double, Degree>& roots);
 
-/// Up to ten essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004).
-/// The columns of `reference` and `target` are the rays q and q' of the pairs: K^-1 (x y 1)^T for a
-/// point (x, y) in px. Each solution has Frobenius norm sqrt(2).
+/// Computes the essential matrices E, at most ten, with q'^T E q = 0 for five pairs, by Nister's
+/// solver (PAMI 2004). The columns of `reference` and `target` are the rays q and q' of the pairs:
+/// K^-1 (x y 1)^T for a point (x, y) in px. Each solution has Frobenius norm sqrt(2).
 void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
                      const Eigen::Matrix<double, 3, 5>& target,
                      std::vector<Eigen::Matrix3d>& solutions);
 
-/// Up to three fundamental matrices of seven pairs (Hartley & Zisserman, 2003, section 11.1.2), of
-/// norm 1. The coordinates should be of the order of 1.
+/// Computes the fundamental matrices, at most three, that agree with seven pairs (Hartley &
+/// Zisserman, 2003, section 11.1.2). Each has norm 1. The coordinates should be of the order of 1.
 void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
                       const Eigen::Matrix<double, 3, 7>& target,
                       std::vector<Eigen::Matrix3d>& solutions);

@@ -163,9 +163,9 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
   rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
   // Without a minimum, sampling could stop too early: with little parallax, wrong motions agree
-  // with most pairs, and even with all of the best pairs. With K, the fit has other starts, too
-  // (see startElsewhere). Without K, a sample on one plane may give a geometry that agrees only
-  // with that plane.
+  // with most pairs, and even with all of the best pairs. With K, a small minimum is enough,
+  // because the fit also starts from other motions (see startElsewhere). Without K, it must be
+  // larger, because a sample on one plane may give a geometry that agrees only with that plane.
   rules.min_iterations = cameras ? 40 : 200;
   rules.seed = options.seed;
   std::optional<Epipolar> initial;
@@ -217,7 +217,8 @@ double TwoViewEstimator::Impl::diagonalOf(const TwoViewInput& input) const {
                                    : std::hypot(input.target_size.width, input.target_size.height);
 }
 
-/// Side of a cell of the reference image, normalised units.
+/// Returns the side of a cell of the reference image, normalised units. Pairs in the same cell may
+/// have correlated errors.
 double TwoViewEstimator::Impl::cellOf(const PointPairs& pairs, const TwoViewInput& input) const {
   const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
   return (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
@@ -272,7 +273,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
   // Points near the plane have a small parallax; wrong pairs are farther from the homography.
-  constexpr double kNear = 2.0;  // in units of the limit
+  constexpr double kNear = 2.0;  // in units of max_error
   displaced.assign(pairs.size(), {});
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
@@ -292,13 +293,16 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Whether noise and shared errors explain the difference between the homography and the homography
-/// of the fitted turn. If so, the translation that the homography implies does not count.
+/// Returns true if noise and shared errors explain the difference between the homography and the
+/// homography of the fitted turn. Then a pure rotation is reported, and the translation that the
+/// homography implies is ignored.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs, const TwoViewInput& input) const {
-  // Twice the bound of 99.9 % of chi² with five degrees of freedom, because the shared errors are
-  // linearised: a focal length that is 3 % wrong leaves hundredths of a pixel unexplained.
+  // Twice the 99.9 % quantile of chi² with five degrees of freedom. The factor of two is needed
+  // because the shared errors are linearised: if the focal length is wrong by 3 %, for example,
+  // hundredths of a pixel remain unexplained.
   constexpr double kBound = 2.0 * 20.515;
-  // Errors of a poor calibration, in deviations: those of a phone, or of a data sheet.
+  // Errors of a poor calibration, as multiples of options.shared_errors. For example, K may be the
+  // K that a phone reports, or come from a data sheet.
   constexpr double kPoorLinear = 10.0;
   constexpr double kPoorFocal = 3.0;
   if (!cameras || !std::isfinite(log_rotation)) return false;
@@ -316,16 +320,17 @@ bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs, const TwoViewInput&
   return difference.dot(util::inverseOf(covariance) * difference) < kBound;
 }
 
-/// Whether a rotation, or a camera at rest, explains most inliers within their errors, while most
-/// other inliers lie in one region. A moving object in this region may then be mistaken for depth.
+/// Returns true if a rotation, or a camera at rest, explains most inliers within their errors
+/// (resting pairs), and most of the other inliers (moving pairs) lie in one region. Then there may
+/// be a moving object in this region instead of depth.
 bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
                                               const TwoView& result) const {
   // Largest error of a resting pair, as a multiple of the scale of the Sampson distances. The
-  // factor 1.5 is there because these errors have two coordinates.
+  // factor 1.5 is needed because these errors have two coordinates.
   constexpr double kErrors = 4.0 * 1.5;
   constexpr double kLeastScale = 0.1;  // px
-  constexpr std::size_t kFew = 8;
-  constexpr double kOutside = 0.1;  // share of the moving pairs that is cut off on each side
+  constexpr std::size_t kFew = 8;      // minimum number of moving pairs
+  constexpr double kOutside = 0.1;     // share of the moving pairs outside the region on each side
   constexpr double kResting = 0.3;  // largest share of resting pairs among all pairs in the region
   constexpr double kLargest = 0.5;  // largest region, as a share of the area of all pairs
   if (!std::isfinite(log_rotation)) return false;
@@ -365,8 +370,8 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
   constexpr std::size_t kFew = 8;      // minimum number of precise pairs that disagree
-  constexpr double kOpenTurn = 0.2;    // rad, largest deviation added to the rotation
-  constexpr double kOpenAcross = 1.0;  // rad, largest deviation added to the direction
+  constexpr double kOpenTurn = 0.2;    // rad; limit of the deviation added to the rotation
+  constexpr double kOpenAcross = 1.0;  // rad; the same for the direction of the translation
   if (!cameras || input.deviations == nullptr) return;
   std::size_t precise = 0;
   std::size_t agree = 0;
@@ -390,7 +395,7 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
   result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += turn_off * turn_off;
 }
 
-/// Median error of the precise pairs that do not agree, px.
+/// Returns the median error of the precise pairs that do not agree with the geometry, px.
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
@@ -411,8 +416,8 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
   return *middle;
 }
 
-/// Reports the rotation alone as the other motion, and enlarges the covariance so that it allows
-/// any direction of the translation.
+/// Reports a pure rotation (`turn`) as the other possible motion, and gives both motions the
+/// probability 0.5. Enlarges the covariance so that any direction of the translation is possible.
 void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   constexpr double kEven = 0.5;
   result.doubt = Doubt::moving_region;
@@ -426,11 +431,13 @@ void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
   result.pose_covariance.bottomRightCorner<3, 3>() += kEven * step * step.transpose();
 }
 
-/// Covariance of a turn, with the translation in units of the distance of the scene. The residuals
-/// of the turn may be parallax, whose mean looks like a turn. For depths of 3 to 12, the mean
-/// parallax is 2.2 times the scatter of the parallax, and the scale of Student's t distribution is
-/// 0.8 times this scatter. So the mean parallax is about three scales, in a direction that is not
-/// known: each axis has half of its square.
+/// Returns the covariance of a pure rotation; the unit of the translation is the distance to the
+/// scene. The residuals of the rotation may be parallax, and the mean of this parallax is not in
+/// the residuals, because it looks like a rotation. If the depths of the scene vary between 3 and
+/// 12, in any unit, the mean parallax is 2.2 times the scatter of the parallax, and the scale of
+/// Student's t distribution, turn.scale(), is 0.8 times this scatter. So the mean parallax is about
+/// three times this scale. Its direction is not known, so the variance along each axis is half of
+/// its square.
 Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   constexpr double kMeanOfScale = 3.0;
   const double unseen = std::sqrt(0.5) * kMeanOfScale * turn.scale();
@@ -443,10 +450,12 @@ Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   return covariance;
 }
 
-/// Whether the inliers map the image to its mirror image, which no camera can do. Wrong matches on
-/// a symmetric object can do so, and may still agree with a motion.
+/// Returns true if the inliers map the image to its mirror image, which no camera can do. Wrong
+/// matches on a symmetric object can do so, and may still agree with a motion.
 bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& result) {
-  constexpr double kClearly = -0.3;  // 1 for a similarity, -1 for a mirrored similarity
+  // Limit of 2 det(A) / |A|², where A is the 2x2 matrix `map` fitted to the inliers. This value is
+  // 1 for a similarity and -1 for a mirrored similarity.
+  constexpr double kClearly = -0.3;
   Eigen::Vector2d from = Eigen::Vector2d::Zero();
   Eigen::Vector2d to = Eigen::Vector2d::Zero();
   const auto count = static_cast<double>(result.inliers);
@@ -467,7 +476,7 @@ bool TwoViewEstimator::Impl::isMirrored(const PointPairs& pairs, const TwoView& 
   return 2.0 * map.determinant() < kClearly * map.squaredNorm();
 }
 
-/// The motion in `planes` that equals `pose`; null if there is none.
+/// Returns the motion in `planes` that equals `pose`; null if there is none.
 const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose& pose) const {
   constexpr double kSame = 1e-6;  // rad
   for (const two_view::PlanarMotion& motion : planes) {
@@ -476,11 +485,13 @@ const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose&
   return nullptr;
 }
 
-/// Covariance of `pose`; NaN if the pairs do not determine it.
+/// Returns the covariance of `pose`; NaN if the pairs do not determine it.
 Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const PointPairs& pairs,
                                                  const TwoViewInput& input) {
-  constexpr double kMostTurn = 0.1;    // rad, largest deviation of the rotation
-  constexpr double kMostAcross = 0.7;  // rad, largest deviation of the direction of the translation
+  // rad; if the standard deviation of the rotation (kMostTurn) or of the direction of the
+  // translation (kMostAcross) is not below this, the covariance is NaN.
+  constexpr double kMostTurn = 0.1;
+  constexpr double kMostAcross = 0.7;
   if (const two_view::PlanarMotion* motion = planar(pose)) {
     return two_view::covarianceOf(
         *motion, *cameras,
@@ -511,8 +522,9 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.2;   // minimum weight of another motion: probabilities are not exact
-  constexpr double kApart = 25.0;  // in squared deviations; nearer motions count as equal
+  constexpr double kLeast = 0.2;  // minimum weight of another motion: probabilities are not exact
+  // Squared distance of two motions, in standard deviations; nearer motions count as equal.
+  constexpr double kApart = 25.0;
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
   const Covariance6 own = covarianceOf(best, pairs, input);
@@ -535,8 +547,9 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // `step` is as long as the arc between the two translations. The difference of these unit
-    // vectors has a shorter part across `best`: also add this gap.
+    // The length of `step` is the angle between the two translations. Their difference, projected
+    // across `best`, is only as long as the sine of this angle. Also add the gap between these two
+    // lengths.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
@@ -614,7 +627,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   return true;
 }
 
-/// For a scene with depth: the reason why another motion is nearly as likely.
+/// Returns the reason why, in a scene with depth, another motion is nearly as likely.
 Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
   constexpr double kSmallParallax = 1.0;  // degrees; below this, ORB-SLAM does not start a map
   if (result.parallax < kSmallParallax) return Doubt::small_parallax;

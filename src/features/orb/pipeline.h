@@ -22,8 +22,8 @@ class OrbPipeline {
 
   const OrbOptions& options() const { return options_; }
 
-  /// Extracts the features. `image` and `mask` are valid (see OrbExtractor); `features` has no
-  /// keypoints yet. Returns false if no pyramid level is large enough for a patch.
+  /// Extracts the features. `image` and `mask` must be valid (see OrbExtractor), and `features`
+  /// must not contain keypoints. Returns false if no pyramid level is large enough for a patch.
   bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:

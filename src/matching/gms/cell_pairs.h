@@ -12,8 +12,8 @@ namespace ktgp_orb::gms {
 /// rotating the neighbourhood by m times 45 degrees shifts the numbers by m.
 constexpr unsigned kRing = 8;
 
-/// The cells of an image with a frame of one cell around them, numbered row by row. Because of the
-/// frame, every cell of the image has all eight neighbours. We do not use CellGrid, because GMS
+/// The cells of an image with a border of one cell around them, numbered row by row. Because of the
+/// border, every cell of the image has all eight neighbours. We do not use CellGrid, because GMS
 /// asks for the neighbours of cells, not for points near a position.
 struct Grid {
   Grid(int grid_columns, int grid_rows)
@@ -36,7 +36,7 @@ struct Grid {
     return (static_cast<std::uint32_t>(y) + 1) * stride + static_cast<std::uint32_t>(x) + 1;
   }
 
-  /// Bit k is set if neighbour k of a cell is inside the image, not in the frame.
+  /// Bit k is set if neighbour k of the cell belongs to the image and not to the border around it.
   unsigned neighboursOf(std::uint32_t cell) const {
     const std::uint32_t column = cell % stride;
     const std::uint32_t row = cell / stride;
@@ -51,7 +51,7 @@ struct Grid {
   int columns;
   int rows;
   std::uint32_t stride;
-  std::uint32_t cells;  ///< number of cells, including the frame
+  std::uint32_t cells;  ///< number of cells, including the border
   /// The number of neighbour k is the number of the cell + ring[k], mod 2^32.
   std::array<std::uint32_t, kRing> ring;
 };
