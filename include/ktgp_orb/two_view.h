@@ -43,7 +43,9 @@ enum class Doubt : std::uint8_t {
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
   other_motion = 7,  ///< another motion fits as well, for none of the reasons above
-  undetermined = 8,  ///< the inliers do not determine the geometry
+  /// The inliers do not determine the epipolar geometry. The answer is that of a homography, or
+  /// none.
+  undetermined = 8,
 };
 
 /// Returns the enumerator's name, e.g. "small_parallax".
