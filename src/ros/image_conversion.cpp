@@ -405,7 +405,7 @@ sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::str
   cv_bridge::CvImage image;
   image.image = readPicture(name, path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
-  const sensor_msgs::ImageConstPtr message = image.toImageMsg();
+  sensor_msgs::ImageConstPtr message = image.toImageMsg();
   requireSmall(name + " " + util::printable(path), *message);
   return message;
 }
