@@ -46,7 +46,7 @@ struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
   UncertainHomography answer;  ///< the aligned homography if the status is ok, else the given one
   std::vector<AlignedPoint> points;  ///< the points that could be aligned, in order of `match`
-  /// Number of points that were tried; the counts below say why some of them failed.
+  /// Number of points that align() tried to align; the counts below say why some of them failed.
   std::size_t tried = 0;
   std::size_t outside = 0;  ///< number of points whose patch or search window leaves an image
   /// Number of points at which H mirrors, compresses or stretches the patch too much.
@@ -72,9 +72,9 @@ struct AlignmentResult {
 /// patch of 16x16 px around the reference keypoint is warped by the affine map that approximates H
 /// at this keypoint. Inverse-compositional least squares (Baker & Matthews, IJCV 2004) find the
 /// translation that brings the patch onto the target; the brightness may differ by a gain and a
-/// bias. If the scene is more than 1.5 times as large in one image as in the other, that image is
-/// replaced by the level of its pyramid in which the scene has about the same size as in the other
-/// image. Then H is estimated from the aligned points by maximum likelihood. The fit assumes that
+/// bias. If the scene is more than 1.5 times as large in one image as in the other, alignment uses
+/// a smaller pyramid level of the first image, in which the scene has about the same size as in the
+/// second. Then H is estimated from the aligned points by maximum likelihood. The fit assumes that
 /// the errors have a scale of at least a pixel (a third of `max_error`), because no scene is
 /// exactly a plane: with a smaller scale, the fit would follow the part of the scene with the most
 /// points. The answer is the aligned H, unless the homography from the keypoints has a smaller
@@ -86,10 +86,11 @@ struct AlignmentResult {
 class Alignment {
  public:
   /// `max_error`: inlier threshold of the homography, px, > 0 (see ProsacOptions). The fit uses the
-  /// aligned points within twice `max_error`, and assumes a scale of their errors of at least a
-  /// third of `max_error`. Both limits are for images of 640x480 px and grow in proportion to the
-  /// diagonal of the reference image. Throws std::invalid_argument, naming the option and its
-  /// range, if an option is out of range.
+  /// aligned points that are within twice `max_error` of the positions that the homography
+  /// predicts. It assumes that the scale of their errors is at least a third of `max_error`. Both
+  /// limits are for images of 640x480 px and grow in proportion to the diagonal of the reference
+  /// image. Throws std::invalid_argument, naming the option and its range, if an option is out of
+  /// range.
   explicit Alignment(const AlignmentOptions& options = {},
                      double max_error = ProsacOptions().max_error);
   ~Alignment();
@@ -98,8 +99,8 @@ class Alignment {
 
   const AlignmentOptions& options() const;
 
-  /// `matches`: correspondences that agree with the homography of `start` (reference to target,
-  /// px). Throws std::invalid_argument if an index does not belong to a keypoint of the frame.
+  /// Refines `start` (reference to target, px). `matches`: correspondences that agree with `start`.
+  /// Throws std::invalid_argument if an index does not belong to a keypoint of the frame.
   void align(const Features& reference, const Features& target,
              const std::vector<Correspondence>& matches, const UncertainHomography& start,
              AlignmentResult& result);

@@ -20,8 +20,8 @@ enum class DescriptorKind : std::uint8_t {
 /// Returns "orb" or "teblid".
 const char* toString(DescriptorKind kind);
 
-/// Keypoints of an image and their descriptors, and the size of the image, because GMS and the
-/// checks of the homography need it.
+/// Keypoints of an image, their descriptors, and the size of the image, which GMS and the checks of
+/// the homography need.
 struct Features {
   /// Keypoints, with positions in pixels: x right, y down, origin at the centre of the top-left
   /// pixel.

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb {
 
-/// Stores how the newest frames of a camera map onto each other. It is built from the homography
+/// Stores the homographies between the newest frames of a camera. Computes them from the homography
 /// between each frame and its reference, which may be the previous frame, a keyframe, or a fixed
 /// frame.
 ///

@@ -18,8 +18,8 @@ struct HeightReading {
   double metres = 0.0;  ///< > 0
   /// Standard deviation, m, >= 0; the errors of different readings are assumed to be independent.
   double deviation = 0.0;
-  /// How old the reading is at the time of the image, s. GroundMotion corrects for it with the
-  /// vertical velocity.
+  /// Age of the reading at the time of the image, s. GroundMotion corrects for it with the vertical
+  /// velocity.
   double age = 0.0;
   /// For a range sensor: origin and direction (length 1) of its beam in the camera's frame. If the
   /// direction is zero, `metres` is the distance of the camera from the ground.
@@ -32,8 +32,8 @@ struct DownReading {
   /// Direction in the camera's frame, length 1.
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  bool of_imu = false;     ///< measured by an Imu; GroundEstimate::imu estimates its mounting
-  double age = 0.0;        ///< how old it is when the image is taken, s; for GroundEstimate::imu
+  bool of_imu = false;     ///< true if an Imu measured it; see GroundEstimate::imu
+  double age = 0.0;        ///< age at the time of the image, s; used for GroundEstimate::imu
 };
 
 /// A measurement of the rotation since the previous frame, for example by a gyroscope.
@@ -41,8 +41,8 @@ struct TurnReading {
   /// Rotation from the camera's frame now to the camera's frame at the previous image.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
-  /// How much earlier the gyroscope's time interval is than the interval between the two images, s;
-  /// used only for GroundEstimate::imu.
+  /// The gyroscope's time interval begins and ends this much earlier than the interval between the
+  /// two images, s; used only for GroundEstimate::imu.
   double age = 0.0;
 };
 
@@ -83,9 +83,9 @@ struct GroundMotionOptions {
   /// 0.05 if the height was measured only once, and that measurement may be off by 5 %.
   double scale_deviation = 0.0;
   /// Standard deviation of the acceleration, m/s², >= 0. Determines how much the velocity may
-  /// change from one measurement to the next, and how fast the uncertainty grows during a gap, when
-  /// no frame can be connected to the earlier ones. `turn_acceleration`: standard deviation of the
-  /// angular acceleration, rad/s², >= 0; only used during a gap.
+  /// change from one measurement to the next, and how fast the uncertainty grows during a gap, in
+  /// which no frame can be connected to earlier frames. `turn_acceleration`: standard deviation of
+  /// the angular acceleration, rad/s², >= 0; only used during a gap.
   double acceleration = 5.0;
   double turn_acceleration = 2.0;
   /// Upper limit of the standard deviation of the ground's normal, rad, > 0. While the deviation is
@@ -106,8 +106,8 @@ enum class GroundStatus : std::uint8_t {
   /// No normal of the ground has been given (DownReading), and the motion does not determine it
   /// yet.
   no_normal = 6,
-  /// The homography is not used: it contradicts the keyframe's map, or the camera would have
-  /// jumped.
+  /// The homography is not used, because it contradicts the map of the keyframe or implies a jump
+  /// of the camera that no vehicle can make.
   contradiction = 7,
   /// The stamp is older than the previous frame's stamp. A single frame with an older stamp is left
   /// out. If the next frame continues from the older stamp, the recording was looped or a clock was
@@ -174,13 +174,13 @@ struct GroundEstimate {
   /// the difference between the homography and its prediction by flat ground and the earlier
   /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. The misfit of
   /// a DownReading is relative to its given deviation or, if larger, to the scatter of these
-  /// readings (at most ten times the given deviation). If there is no reading, its misfit is 0.
+  /// readings (at most ten times the given deviation). The misfit of a missing reading is 0.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
   double homography_misfit = 0.0;
   static constexpr double kContradiction = 6.0;
-  bool height_used = false;  ///< a height was given, and its misfit is within kContradiction
+  bool height_used = false;  ///< true if a height was given and its misfit is within kContradiction
   bool down_used = false;
   /// Ratio of the rotations in the TurnReadings to the rotations that the images show. 1 is
   /// expected. -1 means that the angular velocity has the wrong sign, and 57.3 means that it is in
@@ -202,8 +202,8 @@ struct GroundEstimate {
 /// For a calibrated camera that looks at flat ground: estimates its motion in metres from
 /// homographies.
 ///
-/// A keyframe serves as a map of the ground. It consists of the homography G, which maps the
-/// keyframe's image to metres on the ground, and of the covariance of G. The homography H from the
+/// The image of a keyframe serves as a map of the ground. This map consists of the homography G
+/// from the image to metres on the ground, and of the covariance of G. The homography H from the
 /// keyframe to a frame then depends on the frame's pose: H ~ M(pose) G, where M maps metres on the
 /// ground to pixels of the frame. (In textbooks this is R + t n'/d, with the rotation R, the
 /// translation t, and the normal n and the distance d of the ground seen from the keyframe: Malis &

@@ -78,13 +78,13 @@ struct GrowthStart {
 ///    similar rotation and scale.
 /// 2. Seeds: the matches with the most votes are tried first.
 /// 3. Growth: the seed and its voters give an affine map. Guided matching around the seed finds
-///    more matches, the map is fitted again, and the region grows; this is repeated ten times. With
-///    twelve matches or more, the map is a homography.
+///    more matches, the map is fitted again, and the region grows; this is repeated ten times. From
+///    twelve matches on, a homography is fitted instead of an affine map.
 /// 4. Verdict: decoys (the homography shifted by 20 and 45 px in 24 directions each) show how many
 ///    matches arise by chance with these images and descriptors in this region. The bound on the
-///    number of false alarms allows for the number of seeds and for all maps that are possible (see
-///    src/growth/verdict.h). The homography must also pass the test that PROSAC's homographies must
-///    pass (see ProsacHomography).
+///    number of false alarms takes into account how many seeds were tried and how many different
+///    maps are possible (see src/growth/verdict.h). The homography must also pass the test that
+///    PROSAC's homographies must pass (see ProsacHomography).
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class HomographyGrowth {

@@ -44,12 +44,12 @@ class GuidedMatcher {
   /// Runs one round of guided matching after a homography was found: matches as match() does, then
   /// estimates the homography again from all these matches. The new estimate must have at least as
   /// many matches within `threshold` px as the old estimate, or half as many if `by_cell` is true.
-  /// If the old estimate shows the plane from one side over the whole reference, the new estimate
-  /// must do so, too. If these conditions hold, the new estimate replaces `estimate`, and the
-  /// function returns true. If `by_cell` is true, matches that are close together count as one
-  /// match in the estimate. Without this, the part of the scene with the most matches would
-  /// determine the estimate alone, and this part may be slightly off the plane of the rest.
-  /// `matches`: all matches found, including those that disagree with the estimate.
+  /// If the horizon of the old estimate does not cross the reference image, the horizon of the new
+  /// estimate must not cross it, either. If these conditions hold, the new estimate replaces
+  /// `estimate`, and the function returns true. If `by_cell` is true, matches that are close
+  /// together count as one match in the estimate. Without this, the part of the scene with the most
+  /// matches would determine the estimate alone, and this part may be slightly off the plane of the
+  /// rest. `matches`: all matches found, including those that disagree with the estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

@@ -43,7 +43,7 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
   GeometryModel geometry = GeometryModel::homography;
-  SharedErrors shared_errors;  ///< for the two-view geometry
+  SharedErrors shared_errors;  ///< errors that the two-view geometry allows for
 
   /// The paper's four stages, followed by sub-pixel alignment. These are the defaults.
   static MatcherOptions ktgp() { return {}; }
@@ -151,7 +151,7 @@ struct MatchResult {
   /// `two_view` then has the geometry, and the levels, `inliers` and `rmse` (of Sampson distances)
   /// refer to it.
   Geometry geometry = Geometry::none;
-  TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
+  TwoViewMatches two_view;  ///< two-view geometry; empty if MatcherOptions::geometry is homography
 
   /// The homography of PROSAC or of growth, refined by guided matching and alignment; zero unless
   /// homographyStatus() is ok. Levels, `guided`, `inliers` and `rmse` refer to this homography: a

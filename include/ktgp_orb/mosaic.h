@@ -61,9 +61,10 @@ enum class LostBecause : std::uint8_t {
 struct Panorama {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< rotation axis, in the first camera's frame
-  bool is_estimated = false;  ///< K was estimated from homographies, not given by setCamera()
-  double degrees = 0.0;       ///< horizontal angle that the map covers, 0..360
-  double closed_off = 0.0;    ///< largest drift measured when a full turn closed, px
+  /// True if K was estimated from homographies, not given by setCamera().
+  bool is_estimated = false;
+  double degrees = 0.0;     ///< horizontal angle that the map covers, 0..360
+  double closed_off = 0.0;  ///< largest drift measured when a full turn closed, px
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.

@@ -63,9 +63,9 @@ struct OrbOptions {
 /// the output of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2, HARRIS_SCORE,
 /// 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other
 /// processors cv::ORB rounds its blur differently, which changes a descriptor bit in some frames;
-/// this class gives the same bits on all processors.) If several corners at the limit have the same
-/// Harris response, this class keeps all of them, as cv::ORB does, and so may exceed
-/// `max_features`.
+/// this class gives the same bits on all processors.) If more corners have the same Harris response
+/// as the last corner within `max_features`, this class keeps them, too, as cv::ORB does, and so
+/// exceeds `max_features`.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {

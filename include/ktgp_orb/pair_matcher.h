@@ -13,8 +13,8 @@ struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   /// If true, and if the larger image has more than a megapixel, both images get more features than
-  /// OrbOptions::max_features, in proportion to the area of the larger image, up to 8000, because
-  /// larger images show more distinct details.
+  /// OrbOptions::max_features, because larger images show more distinct details. The number grows
+  /// in proportion to the area of the larger image, up to 8000.
   bool features_by_area = false;
 
   /// The preset photo, for two photographs of any kind. Of all presets, it succeeds on the largest

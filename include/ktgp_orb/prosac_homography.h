@@ -137,7 +137,7 @@ class ProsacHomography {
 
   /// Estimates with an initial homography that may be right, for example predicted from earlier
   /// frames or found by another method. It is scored before the first sample; if the pairs support
-  /// it, a few samples are enough. Otherwise it has no advantage: it must win against the
+  /// it, a few samples are enough. Apart from this, it has no advantage: it must win against the
   /// homographies of the samples, and is refined and tested like them. The homography is in px and
   /// may have any scale and sign. It is ignored if it cannot be the view of a plane from one side
   /// (singular or mirrored). Throws std::invalid_argument if it is not finite.

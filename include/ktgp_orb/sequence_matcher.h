@@ -127,7 +127,8 @@ struct Frame {
 using FramePtr = std::shared_ptr<Frame>;
 using FrameConstPtr = std::shared_ptr<const Frame>;
 
-/// Finds the features of `frame.image` with its mask and lens; stores the options and the time.
+/// Finds the features of `frame.image`, using `frame.mask` and `frame.lens`. Stores the options and
+/// the duration in `frame`, too.
 void extractFeatures(OrbExtractor& extractor, Frame& frame);
 
 /// The result for one frame.
@@ -158,7 +159,7 @@ struct SequenceMatch {
   /// Number of frames so far for which the search near the predicted positions failed
   /// (Search::fell_back); see KnnOptions::search_radius.
   std::uint64_t fall_backs = 0;
-  /// Time of the extraction and of all stages, including matches that were not used.
+  /// Time of the extraction and of all stages, including matches whose result was discarded.
   double total_milliseconds = 0.0;
 };
 

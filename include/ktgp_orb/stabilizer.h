@@ -18,8 +18,9 @@ struct StabilizerOptions {
   /// Number of later frames to wait for before a frame is returned, 0..60. A larger lag gives a
   /// steadier picture but more delay.
   int lag = 0;
-  /// The largest share of the width or height that may be cut off at each border, 0.01..0.4. Larger
-  /// corrections would show areas beyond the frame, so they are limited smoothly.
+  /// The largest share of the width or height that may be cut off at each border, 0.01..0.4. A
+  /// correction that would need more is reduced smoothly, so that no area beyond the frame is
+  /// shown.
   double max_crop = 0.1;
 };
 
@@ -35,13 +36,13 @@ struct SteadyFrame {
 
 /// Smooths the path of a camera online.
 ///
-/// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
-/// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
-/// to the track of each corner; frames that are nearer in time have more weight. At the time of the
-/// frame, each line gives the position of its corner in the steady picture. (With the mean of the
-/// track instead of a line, the picture would lag behind a camera that moves evenly.) With a lag of
-/// 0, the camera is assumed to stand still at the beginning of a path, until more frames are known.
-/// When a new path begins, the last correction of the old path fades out.
+/// Follows the corners of each frame through the neighbouring frames (Matsushita et al.,
+/// "Full-frame video stabilization with motion inpainting", PAMI 2006). Fits a straight line over
+/// time to the track of each corner; frames that are nearer in time have more weight. The line's
+/// position at the time of the frame is the position of the corner in the steady picture. (With the
+/// mean of the track instead of a line, the picture would lag behind a camera that moves evenly.)
+/// With a lag of 0, the camera is assumed to stand still at the beginning of a path, until more
+/// frames are known. When a new path begins, the last correction of the old path fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {

@@ -17,7 +17,7 @@
 
 namespace ktgp_orb {
 
-/// A flat object to find, described by pictures of it.
+/// A flat object to find, described by images of it.
 struct Target {
   std::string id;  ///< unique and not empty
   /// One or more 8-bit grey images. Each shows the whole object and nothing else, for example one
@@ -84,7 +84,7 @@ struct DetectedTarget {
   cv::Size image_size;    ///< size of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
-  /// Describes another pose in which the target's picture looks the same, e.g. "turned by 180
+  /// Describes another pose in which the target's image looks the same, e.g. "turned by 180
   /// degrees". The reported pose is then one of several possible poses. Empty if there is only one.
   std::string ambiguity;
   /// Where the centres of the four corner pixels of the target's image are in the frame, px: upper
@@ -99,7 +99,7 @@ struct DetectedTarget {
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int age = 0;  ///< number of successive frames that show this instance, including this frame
   /// If true, the keypoints of the target were not found, but at the predicted position the frame
-  /// looks like the target's picture. The prediction relies on the previous frame, so a false alarm
+  /// looks like the target's image. The prediction relies on the previous frame, so a false alarm
   /// is more likely.
   bool predicted = false;
   /// Pairs that the homography was fitted to: positions in the target's image and in the frame, px.
@@ -113,11 +113,13 @@ struct TargetFrame {
 
   // Statistics of the search.
   std::size_t known = 0;  ///< number of known targets
-  /// Number of targets with some pairs of keypoints that agree with each other.
+  /// Number of targets that the last frame showed, plus other targets with some pairs of keypoints
+  /// that agree with each other.
   std::size_t candidates = 0;
-  std::size_t tried = 0;  ///< number of candidates that were tried
-  /// Estimated number of frames that are needed to look up all keypoints in the index and to try
-  /// all present candidates, if each frame does as much as this one; 1 if this frame was enough.
+  std::size_t tried = 0;  ///< number of candidates that were searched for in this frame
+  /// Estimated number of frames that are needed to look up all keypoints in the index, at the pace
+  /// of this frame, plus one frame for each candidate that was not tried. 1 if this frame was
+  /// enough.
   std::size_t frames_for_all = 1;
   /// Id of a target of which max_instances copies were found: the frame may show more copies of it.
   /// Empty if there is no such target.
@@ -165,9 +167,10 @@ class TargetFinder {
   void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Adds a target. Throws std::invalid_argument with the reason, without any change, for an empty
-  /// or known id, no image or an image of another type, a width that is negative or not finite, an
-  /// image with too little texture, an image that cannot be told apart from another target, and a
-  /// frame that collides with the frame of another target.
+  /// id, the id of a known target, no image or an image of another type, a width that is negative
+  /// or not finite, an image with too little texture, an image that cannot be told apart from
+  /// another target, and a tf frame whose name collides with the tf frames of another target or its
+  /// instances.
   void add(const Target& target);
   /// Replaces the target with the same id, which must exist.
   void replace(const Target& target);

@@ -10,7 +10,7 @@
 
 namespace ktgp_orb {
 
-/// Computes the poses of detected targets, with the effects of the lens and the shutter removed.
+/// Computes the poses of detected targets. Corrects for lens distortion and a rolling shutter.
 /// Reuses its buffers from call to call. An instance belongs to one thread at a time.
 class TargetPose {
  public:

@@ -43,8 +43,8 @@ enum class Doubt : std::uint8_t {
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
   other_motion = 7,  ///< another motion fits as well, for none of the reasons above
-  /// The inliers do not determine the epipolar geometry. The answer is that of a homography, or
-  /// none.
+  /// The inliers do not determine the epipolar geometry. If there is a homography, the result is a
+  /// plane or a rotation instead; otherwise there is no result.
   undetermined = 8,
 };
 
@@ -59,8 +59,8 @@ struct SharedErrors {
   double linear = 0.0;
   double focal = 0.0;  ///< common error of both focal lengths, as a share of them
   double zoom = 0.0;   ///< change of the focal length between the images, as a share of it
-  /// Time in which an image is read row by row, as a share of the time between the images; 0: a
-  /// global shutter.
+  /// Readout time of a rolling shutter, as a share of the time between the images; 0: global
+  /// shutter.
   double readout = 0.0;
 
   /// Returns typical errors of real cameras.
@@ -79,8 +79,8 @@ struct TwoViewOptions {
   std::uint64_t seed = 1;      ///< random seed of the sampling; the same seed gives the same answer
   bool homography = true;      ///< if false, only an epipolar geometry is searched for
   SharedErrors shared_errors;  ///< none by default; see SharedErrors::ofRealCameras
-  /// Only for TwoViewMatcher: whether the points are refined by aligning image patches, if the
-  /// features have images.
+  /// Only for TwoViewMatcher: if true, refines the points by aligning image patches, provided that
+  /// the features have images.
   bool alignment = true;
 };
 
@@ -105,8 +105,9 @@ struct TwoViewInput {
   /// A guess at the motion, for example the motion of the previous frame. It is scored before the
   /// first sample and has no other advantage.
   std::optional<RelativePose> prediction;
-  /// For TwoViewMatcher: maps points of the images to the pixels of K; null if the images have no
-  /// distortion. Pairs, fundamental matrix and homography then refer to images without distortion.
+  /// For TwoViewMatcher: lens that maps points of the images to images without distortion, to which
+  /// K belongs; null if the images have no distortion. With a lens, pairs, fundamental matrix and
+  /// homography refer to images without distortion.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
   /// Standard deviation of the error of each pair, relative to the error of the most precise pairs;
@@ -138,8 +139,8 @@ struct OtherMotion {
 /// Result of TwoViewEstimator::estimate. If you reuse it for the next call, it keeps its buffers.
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
-  /// If the status is ok: why the motion `other` cannot be excluded. If it is model_rejected: why
-  /// there is no answer. Otherwise none.
+  /// If the status is ok: why the motion `other` cannot be excluded or, for `undetermined`, why the
+  /// geometry is not epipolar. If it is model_rejected: why there is no answer. Otherwise none.
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 

@@ -27,8 +27,8 @@ bool mayBegin(const char* bytes) {
          field + kLength <= header;
 }
 
-/// Reads the number of elements at the beginning of a serialised array and removes it from
-/// `message`; empty if the message is too short.
+/// Reads the number of elements at the beginning of a serialised array, and removes this number
+/// from `message`; empty if the message is too short.
 std::optional<std::size_t> takeCount(std::string_view& message) {
   if (message.size() < kLength) return std::nullopt;
   const std::size_t count = numberAt(message.data());

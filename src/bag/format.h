@@ -11,8 +11,8 @@
 #include <vector>
 
 /// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). This code trusts no length
-/// in the file. It reads all bags, because a damaged bag can crash librosbag; we use librosbag only
-/// to write bags and to decompress chunks.
+/// in the file. We read all bags with this code, because a damaged bag can crash librosbag; we use
+/// librosbag only to write bags and to decompress chunks.
 namespace ktgp_orb::bag {
 
 /// Type of a record: the value of its field "op".

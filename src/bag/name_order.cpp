@@ -136,8 +136,8 @@ int compareNumbers(const Number& a, const Number& b, bool are_counts) {
 bool areCounts(const std::vector<Name>& names, std::size_t place) {
   // A counter has no leading zero, but one in ten decimals has a zero right after the point.
   // Decimals that differ in length have no trailing zero, but one in ten counters ends with a zero.
-  // So the digits are counters if more of them end with a zero than begin with one. With kMany or
-  // more names, one final zero is not enough, because it may be an exception.
+  // So the digits after the point are counters if a zero is more often their last digit than their
+  // first. With kMany or more names, one final zero is not enough, because it may be an exception.
   constexpr std::size_t kMany = 20;
   std::size_t in_front = names.size() < kMany ? 0 : 1;
   std::size_t at_end = 0;

@@ -6,8 +6,8 @@
 namespace ktgp_orb::bag {
 
 /// Sorts file names by the numbers in them: "img2" before "img10", "-0.5" before "0.25", "9.95"
-/// before "10.1". Whether "1.10" is a decimal or two counters is decided from all names: counters
-/// have no leading zeros, and decimals of different lengths have no trailing zeros.
+/// before "10.1". Looks at all names to decide whether "1.10" is a decimal or two counters:
+/// counters have no leading zeros, and decimals of different lengths have no trailing zeros.
 void sortByNumbers(std::vector<std::string>& files);
 
 /// Returns the names that differ from nearly all others in more than their numbers, for example

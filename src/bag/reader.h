@@ -52,8 +52,8 @@ struct RecordedMessage {
 };
 
 /// Reads the messages of selected topics from a bag, in the order of their times. The bag may be
-/// damaged. A chunk is read only when it may contain the next message; the chunks are sorted by the
-/// times of their first messages.
+/// damaged. Sorts the chunks by the times of their first messages, and reads a chunk only when it
+/// may contain the next message.
 class BagMessages {
  public:
   using Wanted = std::function<bool(const bag::Topic&)>;
@@ -72,7 +72,8 @@ class BagMessages {
 
   /// Reads the next intact message; returns nothing at the end.
   std::optional<RecordedMessage> next();
-  /// Counts the message that next() returned last as damaged. `what`: text for users.
+  /// Call this if the last message from next() is damaged: damage() then counts it as lost and
+  /// shows the text `what` to users.
   void reject(const std::string& what);
 
   /// Text for users about the problems so far; empty if there were none. Begins with the number of
@@ -107,7 +108,7 @@ class BagMessages {
 struct RecordedImage {
   sensor_msgs::ImageConstPtr image;  ///< null if the image cannot be decoded
   ros::Time received;
-  std::string problem{};  ///< why there is no image
+  std::string problem{};  ///< reason why `image` is null
 };
 
 /// The images of a recording (one topic of a bag, a video, or picture files) in the order of their
@@ -125,7 +126,7 @@ class ImageSource {
   /// Text for users about the problems in the part that was read; empty if there were none. Begins
   /// with the number of lost images, if it is known.
   virtual std::string damage() const = 0;
-  /// Tells users how an ambiguous input was understood; empty if nothing was ambiguous.
+  /// A text that tells users how we understood an ambiguous input; empty if nothing was ambiguous.
   virtual std::string note() const { return {}; }
 
  protected:

@@ -135,10 +135,10 @@ class Video : public ImageSource {
   }
 
  private:
-  /// Returns true if the last image comes clearly before the end of the video. Only Matroska files
-  /// are checked, because they do not store the number of images: OpenCV estimates the number from
-  /// the length and the usual rate, which is wrong if the rate varies. For other files, always
-  /// returns true.
+  /// Returns true if the last image comes clearly before the end of a Matroska file; for other
+  /// files, always returns true. We need this check because a Matroska file does not store the
+  /// number of images: OpenCV estimates it from the length and the usual rate, which is wrong if
+  /// the rate varies.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);

@@ -23,8 +23,8 @@ std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelecti
                                        double rate);
 
 /// Opens all images whose names match the pattern, sorted by number ("img2.png" before
-/// "img10.png"), as a recording with `rate` images per second. Images whose longer side exceeds
-/// `longest_side` pixels are shrunk; 0: no limit. Throws UnusableBag.
+/// "img10.png"), as a recording with `rate` images per second. Shrinks images whose longer side
+/// exceeds `longest_side` pixels; 0: no limit. Throws UnusableBag.
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
                                         double rate, int longest_side);
 

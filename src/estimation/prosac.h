@@ -127,7 +127,7 @@ struct ProsacRules {
   int max_iterations = 2000;    ///< maximum number of samples, >= 1
   double confidence = 0.995;    ///< probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong model, in (0, 1)
-  int min_iterations = 0;  ///< minimum number of samples from the growing set, budget permitting
+  int min_iterations = 0;  ///< minimum number of samples from the growing set, within the budget
   std::uint64_t seed = 1;
 };
 
@@ -233,8 +233,8 @@ class ProsacSearch {
   /// sample was wrong, the model often agrees with only some of the right pairs, and least squares
   /// does not find the others. A model from a sample of right pairs does find them. Returns true if
   /// a sample gave a better model. Samples of inliers say nothing about the other pairs, so they
-  /// count towards the budget but not towards maximality. They use at most half of the budget that
-  /// is left.
+  /// reduce the budget but do not count for the maximality rule. They use at most half of the
+  /// budget that is left.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);

@@ -7,7 +7,8 @@
 
 namespace ktgp_orb::estimation {
 
-/// Degrees of freedom of Student's t distribution; 4 did best on keypoints of real images.
+/// Degrees of freedom of Student's t distribution; 4 gave the best results for keypoints of real
+/// images.
 inline constexpr double kStudentFreedom = 4.0;
 
 /// The weight of a measurement in a maximum likelihood fit with Student's t distribution (Lange,

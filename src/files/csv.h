@@ -10,8 +10,8 @@ namespace ktgp_orb::files {
 /// Names of the columns for a homography: its elements, row by row.
 constexpr const char* kHomographyColumns = "h00,h01,h02,h10,h11,h12,h20,h21,h22";
 
-/// Builds a row of a table as text (csv, RFC 4180). A field that contains a comma, a quote or a
-/// line break is put in quotes.
+/// Builds a row of a table as text (csv, RFC 4180). Puts a field in quotes if it contains a comma,
+/// a quote or a line break.
 class CsvRow {
  public:
   CsvRow& add(const std::string& text);

@@ -97,8 +97,8 @@ std::string unfinishedName(const fs::path& target, int number) {
 
 constexpr int kMostNames = 1000;
 
-/// If a program was killed while it gave its files their final names, the file still has a
-/// temporary name, too. Returns this temporary name; empty if there is none, or if that program is
+/// Returns the temporary name that `target` still has beside its final name because a program was
+/// killed while it gave its files their final names. Empty if there is none, or if that program is
 /// still running.
 std::string leftName(const std::string& target) {
   struct stat file, other;
@@ -142,8 +142,8 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    // The option that gives this output names the same file, but no other option may.
-    // `own` stays 0 if no option gives the output.
+    // Count the options that name the file of the output (`same`). One of them is allowed: the
+    // option that gives the output. `own` stays 0 if no option gives the output.
     if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;

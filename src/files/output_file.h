@@ -10,7 +10,7 @@ namespace ktgp_orb::files {
 
 /// Checks the files that a program reads and writes before the program begins its work. Refuses an
 /// output file that exists (unless `force`), is not a regular file, cannot be created, is also the
-/// value of another option, or is the same file as an input or another output, even by links.
+/// value of another option, or is the same file as an input or another output, even through links.
 class OutputPlan {
  public:
   /// The names and values of the options on the command line.
@@ -41,9 +41,9 @@ class OutputPlan {
 };
 
 /// An output file that is written under a temporary name and gets its final name only when it is
-/// complete and on the disk. If a killed program has left a temporary file, its name is used again.
-/// A program locks the file that it is writing, so that other programs do not take it for such a
-/// leftover.
+/// complete and on the disk. If a killed program left a temporary file behind, we use the name of
+/// that file again. A program locks the file that it is writing, so that other programs do not take
+/// it for such a leftover.
 class OutputFile {
  public:
   /// `force`: replace the file if it exists. Throws FileError if the file cannot be written.
@@ -121,8 +121,8 @@ bool isStandardOutput(const std::string& output);
 void writeText(const std::string& file, const std::string& text, bool force);
 /// Writes the bytes to the temporary file. The caller must still commit it.
 void write(const OutputFile& file, const std::string& bytes);
-/// The extension of the name selects the format. After the first of these functions, the caller
-/// must still commit the file.
+/// Write an image in the format that belongs to the extension of the file name. After the first
+/// function, the caller must still commit the file.
 void writeImage(const OutputFile& file, const cv::Mat& image);
 void writeImage(const std::string& file, const cv::Mat& image, bool force);
 

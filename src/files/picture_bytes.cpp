@@ -27,7 +27,7 @@ std::size_t numberAt(std::size_t position, std::size_t size, std::string_view by
   return number;
 }
 
-/// Looks for the first segment of a JPEG whose marker `wanted` accepts. Returns the position after
+/// Looks in a JPEG for the first segment whose marker `wanted` accepts. Returns the position after
 /// this marker; 0 if there is none. A JPEG consists of segments (a marker, a length that includes
 /// itself, data) with compressed pixels between them. A byte FF among the pixels is followed by 0
 /// or by a restart marker. A preview picture lies inside a segment, so its markers are skipped.

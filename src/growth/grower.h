@@ -16,9 +16,9 @@ namespace ktgp_orb::growth {
 struct GrowthPlan {
   int rounds;
   double first_reach;   ///< radius of the region around the seed in round 0, px of the reference
-  double reach_factor;  ///< factor of the reach from each round to the next
+  double reach_factor;  ///< factor by which the region's radius grows each round
   float first_radius;   ///< search radius around the predicted positions in round 0, px
-  /// Factor of the radius from each round to the next; the radius ends at Grower::kLastRadius.
+  /// Factor by which the search radius shrinks each round, down to Grower::kLastRadius.
   float radius_factor;
   /// The rounds end early if the search radius is at most this value, px, and the whole reference
   /// is within reach.
@@ -30,10 +30,10 @@ struct GrowthPlan {
   /// Maximum number of refits at the last radius; they go on while the number of matches increases.
   int last_rounds;
   std::size_t fewest_pairs;  ///< minimum number of pairs that a round must find
-  /// Round 0 must find `first_exact` pairs with an error below the last radius, each further round
-  /// `more_exact` pairs more, up to `most_exact`. A right seed finds several times as many. Nearly
-  /// all of the time goes into wrong seeds, so it matters that they seldom find enough pairs in two
-  /// rounds.
+  /// Minimum number of pairs with an error below the last radius: `first_exact` in round 0, and
+  /// `more_exact` more in each further round, up to `most_exact`. A right seed finds several times
+  /// as many. Nearly all of the time goes into wrong seeds, so it matters that they seldom find
+  /// enough pairs in two rounds.
   std::size_t first_exact, more_exact, most_exact;
 };
 
@@ -59,9 +59,10 @@ class Grower {
   bool grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
             Eigen::Matrix3d& map);
 
-  /// The last rounds of grow(). Call it directly for a homography that was not grown. Matches in
-  /// the whole image and fits the homography again, first with the search radius `radius`, px, then
-  /// with smaller radii. `centre`: a point of the reference near which the homography is right.
+  /// Does the last rounds of grow(); call it directly for a homography that was not grown. Matches
+  /// in the whole image and fits the homography again, first with the search radius `radius`, px,
+  /// then with smaller radii. `centre`: a point of the reference near which the homography is
+  /// right.
   bool settle(const Eigen::Vector2d& centre, float radius, ReferenceFrames& reference,
               LocalMatcher& matcher, Eigen::Matrix3d& map);
 

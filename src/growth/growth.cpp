@@ -37,7 +37,7 @@ struct Seed {
 /// How the votes for shifts were counted.
 struct Counting {
   bool of_alike = false;      // only keypoints of similar size voted (see AlikePairs)
-  bool in_reference = false;  // the shifts are px of the reference
+  bool in_reference = false;  // shifts are in px of the reference, not of the target
 };
 
 /// Support of a hypothesis by mutual nearest neighbours; see ShiftVotes.
@@ -276,9 +276,8 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
 }
 
 /// Counts the votes for shifts of `hypothesis`. If the images differ much in scale, measures the
-/// shifts in the image with the lower resolution. If this is the scan of a page, for example, a
-/// shift by one symbol is the same everywhere in it, but not in a photograph taken close to the
-/// page.
+/// shifts in the image with the lower resolution. For example, a shift by one symbol of a page has
+/// the same length everywhere in a scan of the page, but not in a photograph taken close to it.
 growth::Counting HomographyGrowth::Impl::countShifts(const Grown& hypothesis,
                                                      const growth::Stretch& stretch) {
   if (stretch.keepsScale()) {
@@ -308,8 +307,8 @@ void HomographyGrowth::Impl::sortGrown() {
 }
 
 /// Shifts the best hypothesis by each displacement with which the scene repeats itself (see
-/// Verdict::repeats), and grows the results. Then does the same with the new best hypothesis, at
-/// most three times in all. Ends early if this was already done for the best hypothesis.
+/// Verdict::repeats), and grows the results. Repeats this with the new best hypothesis, up to three
+/// times in total, until the best hypothesis has already been shifted.
 void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -325,10 +324,10 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   }
 }
 
-/// If the best hypothesis is rivalled, shifts it by the other shifts that nearest neighbours in the
-/// whole image vote for (see ShiftVotes), at most four, and grows each result. This is needed
-/// because, in a repetitive scene, a wrong shift has as many matches as the right shift, or even
-/// more if it makes the images overlap more.
+/// If nearest neighbours also vote for other shifts of the best hypothesis (see ShiftVotes),
+/// applies up to four of these shifts and grows each result. This is needed because, in a
+/// repetitive scene, a wrong shift has as many matches as the right shift, or even more if it makes
+/// the images overlap more.
 void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   constexpr std::size_t kMostShifts = 4;
   sortGrown();

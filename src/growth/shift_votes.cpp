@@ -111,7 +111,7 @@ void ShiftVotes::count(const Eigen::Matrix3d& map, const PointPairs& pairs,
   findOthers(target);
 }
 
-// The limit kClear lies between two ratios that were measured on drawn test images (pages of
+// The limit kClear lies between two ratios that were measured on synthetic test images (pages of
 // symbols, tables, facades and circuit boards). All shares were reduced by one standard deviation.
 // The share of a right homography was at least 2.4 times the share of any other shift, and the
 // share of a wrong homography was less than 1.4 times the share of the best other shift.

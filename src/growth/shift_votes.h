@@ -15,12 +15,12 @@ namespace ktgp_orb::growth {
 /// such as the next window of a facade or the next symbol of a circuit diagram.
 ///
 /// With either homography, thousands of keypoints have a match near their predicted positions. So
-/// we count nearest neighbours in the whole image instead. They are chosen among all copies of a
-/// pattern: patterns that repeat vote for many shifts, and patterns that occur only once vote for
-/// the right shift. Each pair of mutual nearest neighbours votes for the shift from the predicted
-/// point to its target point. A shift by one period also changes the overlap of the images. So the
-/// votes of each shift are divided by the number of pairs that both images could show at this
-/// shift.
+/// we let nearest neighbours in the whole image vote. The nearest neighbour of a keypoint may be in
+/// any copy of a pattern: patterns that repeat vote for many shifts, and patterns that occur only
+/// once vote for the right shift. Each pair of mutual nearest neighbours votes for the shift from
+/// the predicted point to its target point. A shift by one period also changes the overlap of the
+/// images. So the votes of each shift are divided by the number of pairs that both images could
+/// show at this shift.
 class ShiftVotes {
  public:
   /// A shift that several pairs vote for.
@@ -36,7 +36,7 @@ class ShiftVotes {
   /// nearest neighbours that vote. `target`: size of the target, px.
   void count(const Eigen::Matrix3d& map, const PointPairs& pairs, const cv::Size& target);
 
-  /// The votes for `map` itself, that is for the shift {0, 0}: the own shift.
+  /// The votes for `map` itself, that is, for the shift {0, 0}. We call it the own shift.
   const Peak& own() const { return own_; }
   /// The shifts with the most votes except the own shift {0, 0}, at most 16.
   const std::vector<Peak>& others() const { return others_; }

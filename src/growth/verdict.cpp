@@ -12,7 +12,7 @@ namespace {
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
 constexpr double kAboveLargest = 1.5;
-constexpr double kRounds = 10.0;  // number of rounds of a growth
+constexpr double kRounds = 10.0;  // maximum number of rounds of a growth (see GrowthPlan)
 // Side of a cell, px; two descriptor patches at this distance share half of their width.
 constexpr float kCell = 12.F;
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
@@ -207,9 +207,9 @@ void Verdict::include(const Decoy& decoy) {
 }
 
 /// In a repetitive scene the shift of a decoy may equal one period. A few decoys then have many
-/// matches that are not due to chance. So the counts of the kRepeats best decoys are limited to
-/// kBeyond more than the largest count of the other decoys. The homography must nevertheless be
-/// well above the best decoy (kAboveLargest).
+/// matches that are not due to chance. So the counts of the kRepeats decoys with the most matches
+/// are limited to kBeyond above the largest count of the other decoys. The homography must still
+/// have clearly more matches than every decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   constexpr std::size_t kRepeats = kDecoys / 12;  // number of decoys whose shift may be a period
   // Number of matches by which a decoy may exceed the other decoys by chance.

@@ -36,17 +36,17 @@ struct Judgement {
 /// Decides whether a homography has more matches than chance explains.
 ///
 /// Chance is measured with decoys: the homography shifted by 20 and 45 px in 24 directions each. A
-/// decoy is wrong by construction, but has the same images, descriptors, region, directions and
-/// sizes. The opportunities of each decoy are counted, too (keypoints predicted within 4 px of a
-/// target keypoint), so the density of the target's keypoints does not matter. Matches count once
-/// per 12x12 px in either image.
+/// decoy is certainly wrong, but is tested in the same region of the same images, with the same
+/// descriptors, directions and sizes. We also count the opportunities of each decoy, that is, the
+/// keypoints that it predicts within 4 px of a target keypoint. So the density of the target's
+/// keypoints does not matter. Matches count once per 12x12 px in either image.
 ///
-/// In a repetitive scene another shift may fit as well. So the homography is also shifted by the
-/// displacements that are frequent between similar keypoints, and it must have clearly more matches
+/// In a repetitive scene another shift may fit as well. So we also shift the homography by the most
+/// frequent displacements between similar keypoints. The homography must have clearly more matches
 /// than each of these shifted copies.
 ///
-/// The homography was fitted to the matches, but the decoys were not: any four pairs determine a
-/// homography, and then support it. The first round chooses among M pairs (all pairs of similar
+/// Unlike the decoys, the homography was fitted to its matches: any four pairs determine a
+/// homography, and then agree with it. The first round chooses among M pairs (all pairs of similar
 /// keypoints within the first radius). Since the homography changes from round to round, the four
 /// pairs may come from M other pairs in each of the ten rounds, so there are C(10 M, 4) ways to
 /// choose them. With s seeds, n matches of the homography and twelve levels (combinations of a
@@ -58,9 +58,9 @@ class Verdict {
   static constexpr float kRadius = 4.F;  ///< px
   static constexpr double kLogMaxFalseAlarms = -6.0;
 
-  /// `predictions`: all predictions of the homography. `first_radius`: search radius of the first
-  /// round, px. `longest_period`: longest shift, px, that counts as a repetition; a longer shift
-  /// leads to another copy of the object.
+  /// Judges a homography. `predictions`: all its predictions. `first_radius`: search radius of the
+  /// first round, px. `longest_period`: longest shift, px, that counts as a repetition; a longer
+  /// shift leads to another copy of the object.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
                   float first_radius, int seeds, LocalMatcher& matcher,
                   float longest_period = std::numeric_limits<float>::max());

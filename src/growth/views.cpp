@@ -14,8 +14,8 @@
 namespace ktgp_orb {
 namespace {
 
-/// The simulated tilts: the factor by which a tilt compresses the image, and the number of
-/// directions within half a turn in which this tilt is simulated.
+/// The simulated tilts. For each tilt: the factor by which it compresses the image, and the number
+/// of directions, within 180 degrees, in which it is simulated.
 constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
 /// The image mapped by `linear`, placed in its bounding box. `map`: applies `linear` and moves the
@@ -110,10 +110,10 @@ cv::Mat compressed(const cv::Mat& image, const Eigen::Matrix2d& turn, double til
   return squeezed;
 }
 
-/// Returns true if an image is long, such as a tape or a panorama. Rotated by 45 degrees, a long
-/// image would need a square as long as the image. So the views of a long image are rotated until
-/// its long side lies along the rows; they are then hardly larger than the image. Views may be
-/// rotated, since descriptors do not depend on the rotation.
+/// Returns true if an image is long, such as a tape or a panorama. A view of a long image is
+/// rotated until the long side of the image lies along the rows, because a long image at 45 degrees
+/// would fill only a strip of a large square. Views may be rotated, since descriptors do not depend
+/// on the rotation.
 bool isLong(const cv::Size& size) {
   // If the ratio of the sides is larger, this square has more than three times as many pixels as
   // the image.
@@ -167,9 +167,9 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   return view;
 }
 
-/// Shrinks an image that has more pixels than a square of 2500 px, the size at which large targets
-/// are searched for. A rotated image takes less than four times as many pixels as the image, so
-/// memory and time for a view are bounded for any image.
+/// Shrinks an image that has more pixels than a square of 2500 px; no frame in which targets are
+/// searched for has a longer side than this. A rotated image takes less than four times as many
+/// pixels as the image, so memory and time for a view are bounded for any image.
 cv::Mat withoutExcess(const cv::Mat& image) {
   constexpr double kMostPixels = 2500.0 * 2500.0;
   const double scale = std::sqrt(kMostPixels / static_cast<double>(image.total()));

@@ -77,7 +77,7 @@ bool HomographyProblem::solve(const estimation::ProsacSample& sample,
 bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
   // Only this many of the best pairs are used; more pairs do not improve the homography.
   constexpr std::size_t kEnough = 200;
-  constexpr double kScales = 3.0;  // limit divided by the scale of the errors
+  constexpr double kScales = 3.0;  // assumed ratio of `limit` to the scale of the errors
   const double limit = widening * pairs_->limit;
   homography::findInliers(pairs_->scoring, homography, limit, near_);
   if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
@@ -105,14 +105,16 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
   return Status::ok;
 }
 
-/// If all pairs but one lie on a line, H depends on this one pair. So the test is repeated without
-/// some of the pairs. We compute the standard deviation of a corner in both images, and use the
-/// smaller one, because a strong perspective that moves a corner far away in one image also
-/// magnifies the error there.
+/// Tests all pairs, and then again without some of them: if all pairs but one lie on a line, for
+/// example, H depends on this one pair. We compute the standard deviation of a corner in both
+/// images and use the smaller one, because a strong perspective that moves a corner far away in one
+/// image also magnifies the error there.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
-  constexpr double kMaxDeviation = 10.0;         // px, largest deviation at the worst corner
-  constexpr double kMaxDeviationWithout = 20.0;  // px, the limit if some pairs are left out
+  // Upper limits of the standard deviation at the worst corner, px: with all pairs, and if some
+  // pairs are left out.
+  constexpr double kMaxDeviation = 10.0;
+  constexpr double kMaxDeviationWithout = 20.0;
   // Number of pairs to test first. If these pairs determine H, so do all pairs.
   constexpr std::size_t kEnough = 100;
   FourPoints normalised_corners;
@@ -175,9 +177,9 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
                                             const EvidenceOptions& options,
                                             const Eigen::Matrix3d& homography) {
   constexpr double kNearby = 16.0;  // px, the side of the patches that alignment uses
-  // If we assume a smooth field although none exists, the covariance becomes too large: much too
-  // large for keypoints, whose noise is large, and slightly too large for aligned points. So for
-  // keypoints the field must be more significant.
+  // Minimum significance of a smooth field (see FieldScales). If we assume a field although none
+  // exists, the covariance becomes too large: much too large for keypoints, whose noise is large,
+  // and slightly too large for aligned points. So for keypoints the minimum is higher.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;

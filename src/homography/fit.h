@@ -92,9 +92,9 @@ class HomographyFit {
   Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
              const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
-  /// Returns true if the pairs of the last fit determine the image corners, even if any quarter of
-  /// the pairs is left out (or any single pair, if there are at most eight). `homography`: the
-  /// result of the fit.
+  /// Returns true if the pairs of the last fit determine where H maps the image corners, even if we
+  /// leave out every fourth pair, starting with the first, second, third or fourth (or any single
+  /// pair, if there are at most eight). `homography`: the result of the fit.
   bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                     const Eigen::Matrix3d& homography) const;
 

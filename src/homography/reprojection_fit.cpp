@@ -217,8 +217,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
 }
 
 void ReprojectionFit::weighByCell(double cell) {
-  // The weighted pairs must be worth at least this many equally weighted pairs, which are eight for
-  // each entry of H.
+  // The weights are used only if the weighted pairs are worth at least this many equally weighted
+  // pairs, which are eight for each entry of H.
   constexpr double kFewest = 64.0;
   const std::size_t n = size();
   if (n == 0) return;

@@ -72,7 +72,7 @@ class ReprojectionFit {
   std::vector<double> factor_;        // weight factor c of each pair
   std::vector<std::size_t> cell_;     // index of the cell of each pair
   std::vector<std::size_t> in_cell_;  // number of pairs in each cell
-  double variance_factor_ = 0.0;      // factor in covariance(); set by minimise()
+  double variance_factor_ = 0.0;      // covariance() multiplies by this; set by minimise()
   Matrix8 by_squares_;                // sum of J^T c w J; set by minimise() if by_cell_ is true
 };
 

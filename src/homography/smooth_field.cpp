@@ -11,9 +11,9 @@ namespace {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// Returns the product J1' J2 of two Jacobians (' is the transpose) from the product of their
-/// different entries (see Slope). A Jacobian has the rows [x y z 0 0 0 -ux -uy] and [0 0 0 x y z
-/// -vx -vy].
+/// Returns the product J1' J2 of two Jacobians (' is the transpose). `slopes`: slope1 slope2', the
+/// product of their different entries (see Slope). A Jacobian has the rows [x y z 0 0 0 -ux -uy]
+/// and [0 0 0 x y z -vx -vy].
 Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
@@ -35,7 +35,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
   // Correlation length l of the field, as a share of the image diagonal; doc/method.md describes
-  // the field, and doc/measurements/covariance.md how well its covariance holds.
+  // the field, and doc/measurements/covariance.md compares the covariance with measured errors.
   constexpr double kLength = 0.6;
   // With fewer pairs, the fit of H's eight entries removes nearly all errors. Then nothing is left
   // from which the field could be estimated.
@@ -263,7 +263,7 @@ void SmoothField::sortIntoCells(double cell_side) {
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
   constexpr std::size_t kSide = 17;
-  constexpr std::size_t kUsual = kSide * kSide;  // cells; enough for every image
+  constexpr std::size_t kUsual = kSide * kSide;  // number of cells that an image needs at most
   cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {

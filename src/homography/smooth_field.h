@@ -15,8 +15,8 @@ inline constexpr double kCellsAlongDiagonal = 16.0;
 /// Settings for the estimation of the smooth field; lengths are in units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
-  /// Minimum significance of a field, in units of the standard deviation that the estimate has if
-  /// there is only noise.
+  /// A field is assumed only if its estimate exceeds this multiple of the standard deviation that
+  /// the estimate has if there is only noise.
   double significance = 0.0;
   /// Two pairs may share noise if they are closer than this, both in x and in y.
   double nearby = 0.0;
@@ -74,8 +74,9 @@ struct FieldFit {
 /// Reuses its buffers from call to call.
 class SmoothField {
  public:
-  /// `weights`: weights of the pairs in the fit of H; `curvature`: the second derivative of the
-  /// likelihood divided by J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
+  /// Splits the errors of `homography` into field and noise. `weights`: weights of the pairs in the
+  /// fit of H; `curvature`: the second derivative of the likelihood divided by J'WJ, 1 for least
+  /// squares. Uses at most 300 pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 

@@ -76,7 +76,7 @@ bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double thre
   return explainable(pairs, threshold, covered_area, log_limit);
 }
 
-/// Runs the test with the inliers in their current order.
+/// Returns true if chance can explain the inliers, counted in the order of inliers_.
 bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold, double covered_area,
                                     double log_limit) {
   constexpr std::size_t kSample = HomographyProblem::kSample;

@@ -43,8 +43,8 @@ Kernels makeKernels() {
   if (hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
 #if !HWY_NATIVE_FMA
-  // The blur must give the same result everywhere, and it is defined with fused multiply-adds. This
-  // instruction set has none, so use the portable loop, which emulates them.
+  // The blur must give the same result on every processor, and it is defined with fused
+  // multiply-adds. This instruction set has none, so use the portable loop, which emulates them.
   set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;
   set.orb.blur_across_rows = orb::portableOrbKernels().blur_across_rows;
 #endif

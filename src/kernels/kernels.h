@@ -16,10 +16,10 @@ struct Kernels {
   orb::OrbKernels orb;
 };
 
-/// Returns true if gather instructions are faster than reading the values one by one. They are on
+/// Returns true if gather instructions are faster than reading the values one by one. This is so on
 /// Intel processors with AVX-512 FP16 (Sapphire Rapids and later). On other processors, a gather
-/// may take four times as long as single reads; on older Intel processors, the reason is that the
-/// microcode makes gathers slower for security (Downfall).
+/// may take four times as long as single reads; on older Intel processors, a microcode update that
+/// closes the security hole Downfall slows gathers down.
 bool hasFastGathers();
 
 }  // namespace ktgp_orb

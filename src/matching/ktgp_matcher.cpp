@@ -340,8 +340,8 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
 }
 
 /// Grows a homography if PROSAC found none although the whole image was searched, or if PROSAC's
-/// homography is doubtful. The doubtful homography is kept only if it is as significant as the
-/// grown homographies and none of them contradicts it.
+/// homography is doubtful. The doubtful homography then competes with the grown homographies (see
+/// HomographyGrowth::Impl::choose).
 bool Chain::runGrowth(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;

@@ -12,7 +12,7 @@
 namespace ktgp_orb::matching {
 
 /// Separates the matches of two images of equal size into matches that stand still and matches that
-/// move. Things that stand still are hot pixels, dirt on the lens and burned-in text, for example.
+/// move. Hot pixels, dirt on the lens and burned-in text stand still, for example.
 class Standing {
  public:
   /// Returns true if the homography leaves the whole image in place.

@@ -125,7 +125,7 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
 double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   std::vector<double> sorted(errors);
   std::sort(sorted.begin(), sorted.end());
-  double area = 0.0;   // area under the curve so far, in pairs times px
+  double area = 0.0;   // area under the curve (number of pairs over error) so far, px
   double share = 0.0;  // number of pairs whose error is at most `last`
   double last = 0.0;
   for (const double error : sorted) {

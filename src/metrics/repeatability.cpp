@@ -35,8 +35,8 @@ std::pair<double, double> chordAt(const Ellipse& e, double y) {
   return {middle - half, middle + half};
 }
 
-/// Area of the intersection of two ellipses. The exact chords at `rows` heights are summed by the
-/// midpoint rule.
+/// Returns the area of the intersection of two ellipses: sums their exact common chords at `rows`
+/// heights by the midpoint rule.
 double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   const double top = std::max(a.centre.y() - a.halfHeight(), b.centre.y() - b.halfHeight());
   const double bottom = std::min(a.centre.y() + a.halfHeight(), b.centre.y() + b.halfHeight());

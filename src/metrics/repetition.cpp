@@ -14,7 +14,8 @@ namespace {
 constexpr double kAlike = 0.6;
 
 bool isPlain(const cv::Mat& picture) {
-  // With a smaller standard deviation (in grey levels), OpenCV finds a match everywhere.
+  // In a picture with a smaller standard deviation (in grey levels), OpenCV finds a match
+  // everywhere.
   constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
@@ -60,7 +61,7 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
 
 /// Removes slow changes of brightness from the picture, because they look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // deviation of the blur, as a share of the longer side
+  constexpr double kSlow = 0.08;  // standard deviation of the blur, as a share of the longer side
   cv::Mat shades, rest;
   cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);

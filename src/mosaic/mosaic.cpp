@@ -38,7 +38,8 @@ constexpr double kLeastMotion = 0.03;
 // for photographs, because they arrive seldom, and one or two of them may be blurred.
 constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;
-// Longest time of a prediction, ns; an acceleration of 3 m/s² moves a camera by 15 mm in this time.
+// A position is predicted from the last velocity for at most this time, ns. An acceleration of 3
+// m/s² moves a camera by 15 mm in this time.
 constexpr std::int64_t kPredictable = 100'000'000;
 // If two keyframes predict places of the frame that are farther apart than this share of the
 // frame's shorter side, the ground has two places that look alike. (Repetition at shorter distances
@@ -106,7 +107,7 @@ struct Mosaic::Impl {
   // Features of the frame of `last`, unless it is a keyframe.
   std::optional<Features> last_features;
   std::optional<Eigen::Vector2d> velocity;  // velocity of the frame's middle, px of the map per ns
-  std::optional<Eigen::Matrix3d> pose;      // pose of the last placed frame
+  std::optional<Eigen::Matrix3d> pose;      // pose of the newest frame; empty if it is not placed
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // pose of the last drawn frame
   std::int64_t followed = 0;                            // stamp of the newest homography
   std::int64_t interval = 0;                            // usual time between two homographies, ns
@@ -207,7 +208,7 @@ struct Mosaic::Impl {
     return velocity && stamp - last_stamp < kPredictable;
   }
 
-  /// On repetitive ground, a pose may be wrong by a period. Returns true if the pose is more than
+  /// Returns true if the pose may be wrong by a period of repetitive ground: if it is more than
   /// half a period away from the predicted place, or if there is no prediction. The last velocity
   /// predicts the place. If it is too old, or predicts a motion of at least half a period, the
   /// chain of homographies predicts the place instead.
@@ -223,7 +224,8 @@ struct Mosaic::Impl {
     const Eigen::Vector2d before = middleInMap(*last);
     Eigen::Vector2d predicted = before;
     if (is_predictable) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
-    // In px; half of the shortest period that can be found in a frame of 200 px.
+    // px; a pose so near to its prediction is right. This is half of the shortest period that can
+    // be found in a frame of 400 px.
     constexpr double kNoSurprise = 4.0;
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
@@ -327,8 +329,9 @@ struct Mosaic::Impl {
     return !surface().isPlane() && tiles.area().width + 1 > surface().period();
   }
 
-  /// After a full turn, the place of a frame by the chain of homographies differs from its place by
-  /// the keyframes of the beginning of the turn. Records the largest distance between the two, px.
+  /// Records the largest drift of the chain of homographies over a full turn, px: the distance
+  /// between the place of a frame by the chain and its place by the keyframes of the beginning of
+  /// the turn.
   void noteClosing(const Eigen::Matrix3d& by_map, const Eigen::Matrix3d& by_chain) {
     if (!isClosed()) return;
     const double off = (surface().inFrame(by_map, middleInMap(by_chain)) - middle()).norm();
@@ -420,8 +423,8 @@ struct Mosaic::Impl {
     if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
       return lose(stamp, LostBecause::repeats);
     }
-    // A frame after a gap overlaps most with the last frame before the gap, so that frame becomes a
-    // keyframe.
+    // A frame after a gap overlaps most with the last frame before the gap, so we make this last
+    // frame a keyframe.
     if (!expected && last_features && hasRoom() &&
         keyframes.coverage(size, *last) < kCoveredBeforeGap) {
       keyframes.add(std::move(*last_features), *last);

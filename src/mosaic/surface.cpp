@@ -33,7 +33,7 @@ bool planeCanShow(const cv::Size& size, const Eigen::Matrix3d& from_map) {
 
 }  // namespace
 
-// The rotation is fitted to points of the frame and not to the entries of the matrix K_inv H K (H:
+// Fits the rotation to points of the frame and not to the entries of the matrix K_inv H K (H:
 // `from_map`; K: `camera`), because the last row of this matrix is much less accurate than the
 // other rows.
 TurnFit fitTurn(const Eigen::Matrix3d& from_map, const Eigen::Matrix3d& camera,
@@ -120,9 +120,10 @@ Eigen::Vector2d Surface::inFrame(const Eigen::Matrix3d& from_map,
 
 bool Surface::canShow(const cv::Size& size, const Eigen::Matrix3d& from_map) const {
   if (isPlane()) return planeCanShow(size, from_map);
-  // At a height of h radii, the cylinder stretches the picture along the axis by the factor 1 +
-  // h^2. If the frame shows the axis itself, a corner or the middle of the frame also exceeds the
-  // height limit, so the test detects this case, too.
+  // The frame must stay below the height `highest` on the cylinder: at a height of h radii, the
+  // cylinder stretches the picture along the axis by the factor 1 + h^2. If the frame shows the
+  // axis itself, a corner or the middle of the frame also exceeds this limit, so the test detects
+  // this case, too.
   auto points = outline(size, from_map.inverse());
   points.push_back(toMap(from_map.inverse() *
                          Eigen::Vector3d(0.5 * (size.width - 1), 0.5 * (size.height - 1), 1.0)));

@@ -34,8 +34,8 @@ class TileMap {
   /// because the map has max_tiles tiles already.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
-  /// The factor by which the brightness of the frame must be multiplied to match the map below it;
-  /// 1 if the overlap is too small.
+  /// Returns the factor that makes the frame as bright as the map below it; 1 if they overlap too
+  /// little.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
   /// The border of a frame in the map. A cylinder repeats after each full turn, so there the border

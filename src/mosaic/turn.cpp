@@ -20,7 +20,7 @@ constexpr std::size_t kLeastPoses = 2;
 constexpr std::size_t kLeastPosesForFocal = 4;
 // The homographies determine the focal length if their deviation from a turn becomes more than
 // kMuchWorse times as large when the focal length is made 5 % larger or smaller. Deviations below
-// kNoise (px) count as noise.
+// kNoise (px) count as kNoise.
 constexpr double kFocalStep = 1.05;
 constexpr double kMuchWorse = 2.0;
 constexpr double kNoise = 0.1;

@@ -47,7 +47,7 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
   auto pose = poseFrom(seen * map.inverse());
   if (!pose) return std::nullopt;
   estimation::FitRules rules;
-  rules.most_steps = 8;    // three steps are enough if the start is near
+  rules.most_steps = 8;    // upper limit; three steps are enough if the start is near
   rules.converged = 1e-9;  // in rad for the rotation, and as a share of the height for the position
   rules.longest = 0.5;
   const PoseProblem problem{entriesOf(seen), whitening, map};
@@ -281,7 +281,8 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const CameraPose& pose = *found;
 
   // The error of the new pose depends on the errors of the readout time and the map, and on the
-  // noise of the homography. The first column is the residual, the others are its derivatives.
+  // noise of the homography. First column: residual of the homography. Other columns: its
+  // derivatives with respect to the errors of the readout time and the map.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
   Eigen::Matrix<double, 8, 10> residual_and_slope;
   residual_and_slope << entriesOf(seen) - entriesOf(h), -motion.by_readout, byMap(h);

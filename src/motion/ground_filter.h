@@ -30,10 +30,10 @@ struct SeenTurn {
 /// fit to the homography.
 ///
 /// All poses are in the filter's own coordinate frame. setKeyframe() moves its origin to the ground
-/// below the newest camera, whose x, y and yaw are then exact. Where this frame lies in the
-/// odometry frame becomes less and less certain, so its position and yaw are states of their own.
-/// If all poses were in the odometry frame, Jacobians computed at different times would disagree,
-/// and because of the large uncertainty of x, y and yaw the filter would make wrong corrections.
+/// below the newest pose, whose x, y and yaw are then exact. The position and yaw of this frame in
+/// the odometry frame become less and less certain, so they are states of their own. If all poses
+/// were in the odometry frame, Jacobians computed at different times would disagree, and because of
+/// the large uncertainty of x, y and yaw the filter would make wrong corrections.
 class GroundFilter {
  public:
   /// First index of each part of the error state: x, y and yaw of the filter's frame (3 entries),

@@ -27,7 +27,7 @@ using motion::Matrix6;
 
 // Largest accepted misfit of a homography, in standard deviations.
 constexpr double kHomographyLimit = 10.0;
-constexpr int kPatience = 10;          // after so many refused frames, go on as after a gap
+constexpr int kPatience = 10;          // after this many refused frames, continue as after a gap
 constexpr double kUnknownTilt = 0.35;  // rad
 // Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
 constexpr double kOrigin = 1e-6;
@@ -90,8 +90,9 @@ struct GroundMotion::Impl {
   Innovations of_height;
   Innovations of_down;
   Innovations of_turn;
-  // Sums over the frames, in which older frames count less: the scalar product of the rotation
-  // vectors that the gyroscope and the images show, and the squared vector of the images, rad².
+  // Sums over the frames, in which older frames count less. turn_given_and_seen: scalar product of
+  // the rotation vectors of the gyroscope and of the images, rad². turn_seen: squared length of the
+  // rotation vector of the images, rad².
   double turn_given_and_seen = 0.0;
   double turn_seen = 0.0;
   // Angular velocity of the newest TurnReading, rad/s.
@@ -354,8 +355,8 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const double spread = of_down.spread();
     of_down.addResidual(rows.residual / rows.deviation);
     estimate.down_misfit = filter.use(rows, of_down, seenSlope()) / spread;
-    // The pictures show the tilt as well, so the first reading that contradicts them does not make
-    // the tilt less certain.
+    // The images show the tilt, too. So the first reading that contradicts them does not make the
+    // tilt less certain.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= GroundEstimate::kContradiction;
   }

@@ -26,14 +26,17 @@ constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
 // An unknown is reported only if its standard deviation is smaller than this: mounting (rad), delay
 // (s), bias (rad/s), scale error.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
-// Largest mounting error for which the first-order model is good enough.
+// If the estimated mounting error is larger than this, estimate() reports nothing, because the
+// first-order model is not good enough.
 constexpr double kLargest = 0.35;  // rad
-// The variances are multiplied by this factor, measured on flights. Without it they are too small,
-// because successive differences share a block, so their errors are not independent.
+// estimate() multiplies the variances by this factor, which was measured on flights. Without it
+// they would be too small: successive differences share a block, so their errors are not
+// independent.
 constexpr double kShared = 1.5;
-// kLeastNoise: minimum standard deviation of the noise of a block. A rotation within a block is
-// used only if it is larger than kLeastTurn, and a change of the angular velocity only if it is
-// larger than kLeastRate.
+// kLeastNoise: minimum standard deviation of the difference between the means of two blocks. A
+// difference tells about the mounting and the scale only if the rotation between the two blocks is
+// larger than kLeastTurn, and about the delay only if the change of the angular velocity is larger
+// than kLeastRate; see dropNoise().
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s

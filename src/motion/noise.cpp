@@ -8,16 +8,16 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// A plane that is fitted to the ground in a picture follows most of the relief. The height of this
-// plane is wrong by about twice the deviation of the ground that remains (kOfPlane). Half of the
-// picture shows ground as wide as a third of the camera's height, so the slope of the plane is
-// wrong by 2 / (1/3) = 6 times this deviation (kOfSlope).
+// The plane that is fitted to the ground in an image follows most of the relief. kOfPlane: the
+// height of this plane is wrong by about twice the deviation of the ground from the plane.
+// kOfSlope: half of the image shows ground that is about a third of the camera's height wide. Over
+// this width, the same error of the height tilts the plane by 2 / (1/3) = 6 times the deviation.
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 
 /// Returns the Cholesky factor of the twist's covariance with the components in reversed order:
-/// angular velocity, velocity along the optical axis, velocity across it. So each of these parts is
-/// conditioned on the parts before it.
+/// angular velocity, velocity along the optical axis, velocity across it. The squared diagonal of
+/// the factor holds the variance of each component, given the components before it.
 Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
   return Eigen::LLT<Matrix6>(covariance.reverse());
 }
@@ -71,16 +71,16 @@ DownReading Relief::widened(DownReading reading) const {
 void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
   constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
   // Variance of the fourth difference of twists, if the poses have independent errors of variance
-  // 1/2. The fourth difference of the twists is the fifth difference of the poses, so its variance
-  // is half of 1 + 25 + 100 + 100 + 25 + 1.
+  // 1/2, so that each twist has the variance 1. The fourth difference of the twists is the fifth
+  // difference of the poses, so its variance is half of 1 + 25 + 100 + 100 + 25 + 1.
   constexpr double kVariance = 126.0;
   constexpr double kNewer = 30.0;    // twists
   constexpr double kOlder = 300.0;   // twists
   constexpr double kLargest = 10.0;  // upper limit of a squared error, because of outliers
-  // Largest change of the time between frames, as a share of this time.
+  // If the time between frames changes by more than this share, a new series of twists begins.
   constexpr double kJitter = 0.2;
-  // Minimum motion, rad (about a pixel). While the camera stands still, its error does not change,
-  // so these twists do not show the noise.
+  // rad (about a pixel). Twists with a smaller motion are not used: while the camera stands still,
+  // the error of the homography does not change, so these twists do not show the noise.
   constexpr double kStandsStill = 0.002;
 
   const Eigen::LLT<Matrix6> factor = factorOf(noise);

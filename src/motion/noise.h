@@ -31,7 +31,7 @@ double studentNoise(double misfit, int dimensions);
 struct Innovations {
   double variance = 1.0;   // running mean of Innovation::noise, as a multiple of the given variance
   int contradictions = 0;  // number of successive contradictions, each on different ground
-  bool is_another = false;   // whether the newest measurement is a new contradiction
+  bool is_another = false;   // true if the newest measurement is a new contradiction
   std::int64_t ground = -1;  // identifies the ground of the newest measurement
   // Newest residual, in units of the given deviation.
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();
@@ -44,7 +44,7 @@ struct Innovations {
   /// same ground have the same cause, so they count once.
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
-    constexpr double kMost = 100.0;  // upper limit of the noise of a single measurement
+    constexpr double kMost = 100.0;  // upper limit of `innovation.noise`, because of outliers
     // A measurement with a larger misfit, in standard deviations, is a contradiction.
     constexpr double kDoubt = 4.0;
     variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
@@ -69,7 +69,8 @@ struct Innovations {
     residual = newest;
   }
   /// Standard deviation of the DownReadings, computed from their scatter, as a multiple of the
-  /// given deviation. A scatter beyond kMost is an error of the sensor, not noise.
+  /// given deviation. It is limited to kMost, because a larger scatter is an error of the sensor,
+  /// not noise.
   double spread() const {
     constexpr double kMost = 10.0;
     return std::clamp(std::sqrt(scatter), 1.0, kMost);
@@ -87,36 +88,37 @@ struct Innovations {
 /// Estimates how far the ground deviates from a plane. Uses how far the points in the images
 /// deviate from their homography.
 ///
-/// A single picture may deviate from a plane by chance, but relief shows in nearly all pictures.
-/// Over relief, the plane that is fitted to a picture differs a little from the mean ground, and
-/// the readings of height and normal are relative to the mean ground.
+/// The points of a single image may deviate from a plane by chance, but relief shows in nearly all
+/// images. Over relief, the plane that is fitted to an image differs a little from the mean ground,
+/// and the readings of height and normal are relative to the mean ground.
 class Relief {
  public:
-  /// Adds one picture. `deviation`: UncertainHomography::plane_deviation divided by the focal
-  /// length. `parallax`: horizontal distance from the keyframe divided by the height of the camera.
+  /// Adds one image. `deviation`: UncertainHomography::plane_deviation divided by the focal length.
+  /// `parallax`: horizontal distance from the keyframe divided by the height of the camera.
   void add(double deviation, double parallax);
   bool isSeen() const;
-  /// Over relief, enlarges the deviation of a reading, because the plane that is fitted to a
-  /// picture is not the mean ground.
+  /// Over relief, enlarges the deviation of a reading, because the plane that is fitted to an image
+  /// is not the mean ground.
   HeightReading widened(HeightReading reading) const;
   DownReading widened(DownReading reading) const;
 
  private:
-  double share_ = 0.0;  // share of the pictures that deviate from a plane
-  double size_ = 0.0;   // deviation of the ground from the seen plane, as a share of the height
+  double share_ = 0.0;  // share of the images whose points deviate from a plane
+  double size_ = 0.0;   // deviation of the ground from the fitted plane, as a share of the height
 };
 
 /// Estimates which share of the covariance of a twist is really noise.
 ///
 /// A part of the error of a homography is the same in successive frames and cancels in a velocity.
-/// How large this part is depends on the pictures, so the covariance of the homography is only an
+/// How large this part is depends on the images, so the covariance of the homography is only an
 /// upper limit. Over six frames, a camera moves smoothly, so the fourth difference of the
-/// successive twists is mostly noise. Rough motion adds to this difference.
+/// successive twists is mostly noise. Rough motion enlarges this difference, so the noise is then
+/// overestimated.
 ///
 /// The covariance of a homography grows with the distance from the keyframe, but the part that is
-/// the same in successive frames grows, too. So a share that was measured far from a keyframe would
-/// be too small near the next one. The first twist from a keyframe shows the noise of two
-/// successive images, so no later twist is assumed to be more certain than that.
+/// the same in successive frames grows, too. So a share that was measured far from one keyframe
+/// would be too small near the next keyframe. The first twist from a keyframe shows the noise of
+/// two successive images, so no later twist is assumed to be more certain than that.
 ///
 /// Each of three parts of the twist has its own share: turning (the angular velocity), approach
 /// (the velocity along the optical axis) and shift (the velocity across the optical axis, given the
@@ -127,9 +129,9 @@ class TwistNoise {
   /// errors of the keyframe, so add() does not compare it with other twists, but takes from it the
   /// least variance of the next twists.
   void beginKeyframe() { count_ = -1; }
-  /// Adds the next twist of the camera, in the camera's own frame. `seconds`: duration. `height`:
-  /// height above the ground, m. `noise`: the part of the twist's covariance that is independent of
-  /// other frames.
+  /// Adds the next twist of the camera, in the camera's own frame. `seconds`: time between its two
+  /// poses. `height`: height above the ground, m. `noise`: the part of the twist's covariance that
+  /// is independent of other frames.
   void add(const Vector6& twist, const Matrix6& noise, double seconds, double height);
   /// Returns `noise`, the independent part of the newest twist's covariance, scaled by the measured
   /// shares.
@@ -148,10 +150,12 @@ class TwistNoise {
   // Running means of the shares of turning, approach and shift, over 30 and over 300 twists.
   Eigen::Array3d newer_ = Eigen::Array3d::Ones();
   Eigen::Array3d older_ = Eigen::Array3d::Ones();
-  // Variances of the parts that the first twist of the keyframe shows, see partsOf().
+  // Variances of the three parts of the keyframe's first twist, with the noise of both images; see
+  // partsOf().
   Eigen::Array3d first_ = Eigen::Array3d::Zero();
-  Eigen::Array3d least_ = Eigen::Array3d::Zero();  // the same as shares of the newest noise
-  double learned_ = 0.0;  // number of twists that gave a share, at most 300
+  // Lower limit of the shares: `first_` divided by the variances of the newest twist.
+  Eigen::Array3d least_ = Eigen::Array3d::Zero();
+  double learned_ = 0.0;  // number of twists in the running means, at most 300
 };
 
 }  // namespace ktgp_orb::motion

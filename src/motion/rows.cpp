@@ -83,7 +83,8 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
 }
 
 bool looksDown(const Eigen::Vector3d& down) {
-  // Smallest cosine of the angle between the optical axis and the direction to the ground.
+  // The camera looks below the horizon if the cosine of the angle between its optical axis and the
+  // direction to the ground is larger than this.
   constexpr double kHorizon = 0.1;
   return down.z() > kHorizon;
 }

@@ -11,9 +11,9 @@
 namespace ktgp_orb::motion {
 namespace {
 
-/// The flow that the matrix m stands for (see Shutter::flow_). Subtracts a multiple of the identity
-/// to make entry (2,2) zero; this changes nothing, because a multiple of the identity moves no
-/// point. Returns the other eight entries.
+/// Returns the flow that the matrix m represents (see Shutter::flow_). For this, subtracts a
+/// multiple of the identity, so that entry (2,2) becomes zero, and returns the other eight entries.
+/// The flow stays the same, because a multiple of the identity moves no point.
 Vector8 flowOf(const Eigen::Matrix3d& m) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
       m - m(2, 2) * Eigen::Matrix3d::Identity();
@@ -101,9 +101,9 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   return change.allFinite() ? change : Vector8::Zero();
 }
 
-/// A Kalman filter that follows a slowly varying flow. It learns its gain from the mean squared
-/// change so far, in units of the noise: along each eigenvector, the gain is 0 if noise alone may
-/// explain this mean; otherwise it grows with the mean.
+/// Updates flow_, which varies slowly, with a Kalman filter. The filter learns its gain from
+/// change_: along each eigenvector of change_, the gain is 0 if noise alone may explain the
+/// eigenvalue; otherwise the gain grows with the eigenvalue.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);

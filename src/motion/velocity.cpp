@@ -40,9 +40,9 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
   if (!std::exchange(is_measured_, true)) return;
   // A Kalman update that uses the last velocity as a measurement of the new velocity. An unknown
-  // acceleration makes the two velocities differ. The update matters if the pictures tell little
-  // about the motion, e.g. near the ground, where few features are in view and a rotation looks
-  // like a translation.
+  // acceleration makes the two velocities differ. The update matters if the images tell little
+  // about the motion, for example near the ground, where few features are in view and a rotation
+  // looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();

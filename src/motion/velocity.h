@@ -52,7 +52,7 @@ class Velocity {
 
   Vector6 twist_ = Vector6::Zero();
   Matrix6 covariance_ = Matrix6::Zero();
-  bool is_measured_ = false;  // whether a velocity was measured since the last gap
+  bool is_measured_ = false;  // true if a velocity was measured since the last gap
   TwistNoise noise_;
   // The next members describe the newest refused frame.
   std::int64_t refused_stamp_ = 0;

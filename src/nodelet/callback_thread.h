@@ -12,12 +12,13 @@ namespace ktgp_orb {
 /// A callback queue with its own thread.
 ///
 /// The nodelets run their callbacks here and not in the manager's threads, because a manager thread
-/// holds a reference to the nodelet during a callback. If the nodelet is unloaded meanwhile, the
-/// manager thread releases the last reference, and so destroys the nodelet, after the unload has
-/// returned. By then, the manager has already deleted its callback queues for this nodelet.
+/// holds a reference to the nodelet during a callback. If the nodelet were unloaded during the
+/// callback, the manager thread would release the last reference and destroy the nodelet after the
+/// manager has deleted the nodelet's callback queues.
 class CallbackThread {
  public:
-  /// The queue for ros::NodeHandle::setCallbackQueue(). If use() is never called, no thread starts.
+  /// Returns the queue for ros::NodeHandle::setCallbackQueue(). start() starts the thread only if
+  /// use() was called before.
   ros::CallbackQueue* use() {
     is_used_ = true;
     return &callbacks_;

@@ -18,7 +18,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 constexpr double kMaxDropShare = 0.5;  // a larger share of dropped messages gives a warning
 constexpr double kLateError = 4.0;     // a latency above this multiple of max_latency is an error
-// Seconds; if the latency exceeds this, the stamps must come from another clock.
+// Seconds; if the mean latency is farther from zero than this, the stamps come from another clock.
 constexpr double kImplausibleLatency = 3600.0;
 // A refusal is logged again only after this time. We do not use ROS_*_THROTTLE for this, because
 // all nodelets of a process share its timer, and it logs nothing while ROS time is zero.

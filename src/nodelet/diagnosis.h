@@ -12,22 +12,23 @@
 
 namespace ktgp_orb {
 
-/// Reports on input, work and problems of a nodelet over the last ten seconds. /diagnostics gets
-/// three entries: "input", an entry with the name of the work, and "latency". A problem is logged
-/// once, and stays in the diagnostics while it lasts. All functions may be called from any thread.
+/// Reports on input, work and problems of a nodelet over the last ten seconds. It publishes three
+/// entries on /diagnostics: "input", an entry that is named after the work of the nodelet (see
+/// open()), and "latency". A problem is logged once, and stays in the diagnostics while it lasts.
+/// All functions may be called from any thread.
 class Diagnosis {
  public:
   using Clock = std::chrono::steady_clock;
   using Report = diagnostic_updater::DiagnosticStatusWrapper;
 
   /// `logger`: name of the nodelet. `what`: kind of the input, "image" or "match". `work`: name of
-  /// the second entry.
+  /// the entry that reports on the work, for example "motion".
   void open(const std::string& logger, const std::string& what, const std::string& topic,
             const std::string& work);
   void add(diagnostic_updater::Updater& updater);
 
-  // Names of the counters that all nodelets use; the reports use them as keys. Nodelets may add
-  // counters with other names.
+  // Names of the counters that all nodelets use; /diagnostics shows the counters under these names.
+  // Nodelets may add counters with other names.
   static constexpr const char* kDropped = "dropped";
   static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
@@ -41,7 +42,7 @@ class Diagnosis {
   /// The count since the start, and the count of the last ten seconds.
   std::uint64_t total(const char* name) const;
   std::uint64_t recent(const char* name) const;
-  /// Counts and reports an image or message that cannot be used, with the reason.
+  /// Counts an image or message that cannot be used, and reports the reason.
   void refuse(const std::string& reason);
   /// Call this when a frame is done. `stamp`: stamp of the frame. `start`: time when the work on it
   /// began. Returns the latency from the stamp to now, s; 0 if the stamp or the ROS time is zero.

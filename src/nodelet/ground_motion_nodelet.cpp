@@ -36,7 +36,7 @@ std::string number(double value) {
 }  // namespace
 
 /// The worker's part of the nodelet: estimates the motion. Each match waits here until the
-/// camera_info and the readings from tf and the Imu at its time have arrived.
+/// camera_info and the readings of tf and the Imu for the time of its image have arrived.
 class GroundWork {
  public:
   /// `names`: node handle that resolves the names of the topics.
@@ -209,8 +209,8 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   void configure(GroundMotionConfig& config) override;
 
   /// Adds an input. Up to `most` of its messages may wait for the worker; older messages are
-  /// dropped. The diagnostics count dropped matches only, because each match continues the chain
-  /// from frame to frame.
+  /// dropped. The diagnostics count dropped matches, but not other dropped messages, because only a
+  /// lost match breaks the chain from frame to frame.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
     worker_.setLimits(kind, most);

@@ -26,9 +26,9 @@
 
 namespace ktgp_orb {
 
-/// The part of the nodelets' base class that does not depend on the template parameters of
-/// ImageNode. It provides inputs that are subscribed only while somebody wants results, outputs,
-/// services, diagnostics, and a shutdown that is safe at any time.
+/// Base class of ImageNode, with everything that does not depend on its template parameters. It
+/// provides inputs that are subscribed only while somebody wants results, outputs, services,
+/// diagnostics, and a shutdown that is safe at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:
 ///   settings_queue_  parameters, connections, and inputs that change settings
@@ -38,8 +38,8 @@ namespace ktgp_orb {
 ///   slow_queue_      diagnostics and input watches; both may wait for the ROS master
 class NodeBase : public nodelet::Nodelet {
  protected:
-  /// Adds the inputs and reads the parameters. An exception ends the loading of the nodelet, and
-  /// users see the text of the exception.
+  /// Adds the inputs and reads the parameters. If this throws, the nodelet is not loaded, and users
+  /// see the text of the exception.
   virtual void start() = 0;
   /// Advertises outputs and services, and starts the worker.
   virtual void advertise() = 0;
@@ -147,9 +147,9 @@ class ImageNode : public NodeBase {
   /// std::exception, it must not have changed anything, and the old parameters stay.
   virtual void configure(Config& config) = 0;
 
-  /// Reads the parameters and serves them to dynamic_reconfigure. Throws std::invalid_argument if
-  /// they are unusable. Bad parameters that are set later are refused; log and diagnostics give the
-  /// reason.
+  /// Reads the parameters and starts the dynamic_reconfigure server, with which users can change
+  /// them. Throws std::invalid_argument if the parameters are unusable. If a user sets bad
+  /// parameters later, refuses them and gives the reason in the log and the diagnostics.
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
     requireUsable(node, nodelet());
@@ -167,7 +167,7 @@ class ImageNode : public NodeBase {
         diagnosis_.setValue("refused parameters", "");
       } catch (const std::exception& error) {
         if (!is_configured_) {
-          first_refusal_ = error.what();  // dynamic_reconfigure would swallow an exception
+          first_refusal_ = error.what();  // do not throw here: dynamic_reconfigure drops exceptions
           return;
         }
         refuseParameters(error.what());

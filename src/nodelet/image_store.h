@@ -11,7 +11,7 @@
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken. It stores at most the last
+/// Stores the newest images by their stamps until take() returns them. It stores at most the last
 /// kImages images. If they need more than kBytes of memory, it drops the oldest, but always stores
 /// the last kLeast images.
 class ImageStore {
@@ -20,13 +20,13 @@ class ImageStore {
   static constexpr std::size_t kLeast = 4;
   static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  /// Raises the limits kImages and kLeast by `images`. Call this for a nodelet that takes each
-  /// image only `images` frames later. Takes effect with the next image.
+  /// Raises the limits kImages and kLeast by `images`. Call this in a nodelet that calls take() for
+  /// an image only `images` frames later. Takes effect with the next image.
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
-  /// of kImages are not counted, since they are too old for a homography. If a later image has
-  /// already been taken, a dropped image is not counted either: the matcher skipped it as a
+  /// of kImages are not counted, since they are too old for a homography. If take() has already
+  /// returned a later image, a dropped image is not counted either: the matcher skipped it as a
   /// repeated image or because of max_rate, so its homography never comes.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});

@@ -42,8 +42,8 @@ std::string ImageInput::choosePlugin() {
     return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
            installed.end();
   };
-  // Prefer our own plugin: it refuses pictures that are cut off, and it refuses too large pictures
-  // without decoding them.
+  // Prefer our own plugin: it refuses images that are cut off, and it refuses images that are too
+  // large before it decodes them.
   if (transport_name_ == kCompressedTransport && is_installed(kOwnPlugin)) return kOwnPlugin;
   if (is_installed(transport_name_)) return transport_name_;
   if (transport_name_ != kCompressedTransport) {

@@ -55,7 +55,7 @@ class Input {
   std::atomic<bool> enabled_{true};
   bool subscribed_ = false;
   std::atomic<std::uint64_t> arrived_{0};
-  boost::weak_ptr<const void> last_;  // used only in the callback
+  boost::weak_ptr<const void> last_;  // last message; used only in the callback
 };
 
 template <typename Message>
@@ -115,18 +115,17 @@ class SequenceNumbers {
   std::optional<std::uint32_t> last_;
 };
 
-/// The images on a node's topic `image`, received with the transport of the parameter
-/// ~image_transport. If the topic ends in /compressed, the transport is compressed, whatever the
-/// parameter says. This package's decoder is preferred to the decoder of
-/// compressed_image_transport.
+/// The images on a node's topic `image`, received with the transport that the parameter
+/// ~image_transport names. If the topic ends in /compressed, the transport is compressed, whatever
+/// the parameter says. Prefers this package's decoder to the decoder of compressed_image_transport.
 class ImageInput : public Input {
  public:
   /// `lost`: number of images that were sent, according to header.seq, but did not arrive.
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
 
   /// Reads the parameters only here, so that a later change of the parameters cannot make the
-  /// running input fail. Throws std::invalid_argument, with advice, for a transport that is not
-  /// installed.
+  /// running input fail. Throws std::invalid_argument if the transport is not installed; the text
+  /// says what to do.
   ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size,
              Callback callback);
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }

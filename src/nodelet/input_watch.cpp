@@ -72,8 +72,8 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
   const std::string before = std::exchange(trouble_, askMaster());
   if (std::exchange(said_, true) && trouble_ == before) return "";
-  // An idle node has not subscribed, so it receives nothing in any case. But a wrong topic name,
-  // which the master tells us, should be reported anyway.
+  // An idle node has not subscribed, so it is normal that nothing arrives. Report only what the
+  // master says, for example that the topic name is wrong.
   if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +

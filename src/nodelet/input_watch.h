@@ -21,8 +21,8 @@ class InputWatch {
   /// is reported once.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
-  /// Why messages are missing, according to the master's last answer; empty if the reason is
-  /// unknown or messages arrive.
+  /// The reason why messages are missing, according to the master's last answer; empty if the
+  /// reason is unknown or messages arrive.
   const std::string& trouble() const { return trouble_; }
 
   /// Time without a message while subscribed, s.

@@ -18,8 +18,8 @@ MatcherSettings::FileState MatcherSettings::stateOf(const std::string& path) {
 }
 
 /// Returns the frame of a large reference image. Extracting its features takes up to a second, so
-/// we do it here, in the settings thread, while the worker goes on with the stream. Null if the
-/// reference is small or none is used.
+/// we do it here, in the settings thread, while the worker goes on with the stream. Returns null if
+/// the reference is small or not used.
 FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
                                             const Configuration& before) {
   // px; extracting the features of a smaller image takes less than 33 ms, the time between two
@@ -71,8 +71,8 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   is_configured_ = true;
 }
 
-// A camera_info arrives with every image and rarely changes, so a message that equals the previous
-// one is ignored.
+// A camera_info arrives with every image and rarely changes, so we ignore a message that equals the
+// previous message.
 bool MatcherSettings::setLens(const sensor_msgs::CameraInfo& info, std::string& problem) {
   LensConstPtr lens;
   try {

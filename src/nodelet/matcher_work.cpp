@@ -30,8 +30,8 @@ MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, D
 #include "ros/topics.def"
 #undef KTGP_TOPIC
 #undef KTGP_LIVE_TOPIC
-  // The other topics have a longer queue, so that a slow subscriber loses no data. But it only
-  // needs the newest picture.
+  // Users of the picture only need the newest one, so its queue holds one message. The other topics
+  // have longer queues, so that a slow subscriber loses no data.
   overlay_ = outputs.advertiseImage("matches_image", 1);
 }
 
@@ -105,8 +105,8 @@ void MatcherWork::report(const SequenceMatch& match) {
   if (has_reference && status != Status::ok) facts_.last_failure = status;
 }
 
-/// Says why points are in raw pixels although rectified points are wanted; empty if there is no
-/// problem.
+/// Returns the reason why points are in raw pixels although rectified points are wanted; empty if
+/// there is no problem.
 std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   const Configuration& configuration = matcher_.configuration();
   if (!configuration.rectify || match.frame->lens) return "";
@@ -120,8 +120,8 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 
-/// Says why there is no motion although the two-view geometry is wanted; empty if there is no
-/// problem.
+/// Returns the reason why there is no motion although the two-view geometry is wanted; empty if
+/// there is no problem.
 std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
   const Configuration& configuration = matcher_.configuration();
   if (configuration.sequence.matcher.geometry == GeometryModel::homography) return "";

@@ -31,7 +31,7 @@ struct MatcherFacts {
 /// Used only in the worker's thread.
 class MatcherWork {
  public:
-  /// `newer_waits`: returns whether an image newer than the current image has arrived.
+  /// `newer_waits`: returns true if an image newer than the current image has arrived.
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
               std::function<bool()> newer_waits, std::string camera_info_topic,
               MatcherFacts& facts);

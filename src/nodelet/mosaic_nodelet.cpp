@@ -85,7 +85,8 @@ void MosaicWork::configure(const MosaicConfig& config) {
   mosaic_.setOptions(optionsFrom(config));
 }
 
-/// Passes all homographies to the mosaic, because they form a chain from frame to frame.
+/// Passes the homography to the mosaic even if its image will be skipped, because the homographies
+/// form a chain from frame to frame.
 void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   if (size_.empty()) return;  // no image was seen yet
   // Skip a frame whose stamp went back. If only its stamp is wrong, the next frame continues the

@@ -11,8 +11,8 @@
 
 namespace ktgp_orb {
 
-/// Publishers of a nodelet in its private namespace. Knows whether any of them has a subscriber,
-/// and can shut them all down.
+/// Publishers of a nodelet in its private namespace. Tells whether any of them has a subscriber,
+/// and can shut down all of them.
 class Outputs {
  public:
   using Callback = std::function<void()>;
@@ -27,7 +27,7 @@ class Outputs {
     topics_.push_back(node_.advertise<Message>(topic, queue_size, changed, changed));
     return topics_.back();
   }
-  /// `came` is called when a subscriber is added, after `changed`.
+  /// When a subscriber is added, calls `changed` (see open()) and then `came`.
   image_transport::Publisher advertiseImage(
       const std::string& topic, std::uint32_t queue_size, bool latch = false,
       const Callback& came = [] {});

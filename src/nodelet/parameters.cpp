@@ -11,9 +11,9 @@ namespace {
 
 using Kind = ParameterInfo::Kind;
 
-// Private parameters that are not dynamic. The package image_transport reads the parameter of the
-// same name. The node reads queue_size once at start. The matcher uses reference_was_set to
-// remember a reference across a restart.
+// Private parameters that are not dynamic. The package image_transport reads image_transport. The
+// node reads queue_size once at start. The matcher sets reference_was_set, so that it can report
+// after a restart that a reference was lost.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,

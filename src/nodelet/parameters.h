@@ -11,9 +11,9 @@
 namespace ktgp_orb {
 
 /// Checks types, ranges and choices of the initial parameters below `node`, from a launch file,
-/// YAML or the command line. This is needed because dynamic_reconfigure clamps or ignores wrong
-/// parameters without a message. Throws std::invalid_argument with the parameter, its value and
-/// what is expected. `nodelet`: see parametersOf().
+/// YAML or the command line. We check them ourselves, because dynamic_reconfigure clamps or ignores
+/// wrong parameters without a message. Throws std::invalid_argument; the text names the parameter,
+/// its value and what is expected. `nodelet`: see parametersOf().
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Parameters below `node` that the nodelet does not know, for example misspelt parameters.

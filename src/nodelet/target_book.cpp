@@ -54,7 +54,7 @@ Target targetOf(const SetTarget::Request& request) {
   return target;
 }
 
-/// Takes the entries with this id out of the list and appends them to `taken`.
+/// Moves the entries with this id from `entries` to the end of `taken`.
 template <typename Entries>
 void moveOut(const std::string& id, Entries& entries, std::vector<TargetEntry>& taken) {
   const auto others = std::stable_partition(entries.begin(), entries.end(),

@@ -20,8 +20,8 @@ namespace ktgp_orb {
 /// list in a file. Not thread-safe.
 class TargetBook {
  public:
-  /// Calls the given function with the TargetFinder to which the targets are added. Exceptions of
-  /// the given function reach the caller.
+  /// Gives the TargetFinder with the targets to a function. Passes on the exceptions of that
+  /// function.
   using UseFinder = std::function<void(const std::function<void(TargetFinder&)>&)>;
 
   explicit TargetBook(UseFinder use_finder) : use_finder_(std::move(use_finder)) {}
@@ -47,8 +47,8 @@ class TargetBook {
   /// Returns true if one of the targets has a frame for tf.
   bool hasFrames() const;
 
-  /// The following functions throw std::invalid_argument or RefusedImage with the reason, and then
-  /// change neither the targets nor the kept list.
+  /// If one of the following functions fails, it throws std::invalid_argument or RefusedImage with
+  /// the reason and changes neither the targets nor the kept list.
   void add(const SetTarget::Request& request);
   void replace(const SetTarget::Request& request);
   void remove(const std::string& id);
@@ -67,7 +67,7 @@ class TargetBook {
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
   /// Writes the new list to another file beside the kept list. Call commit() of the result to
-  /// replace the kept list. Null if no list is kept.
+  /// replace the kept list. Returns null if no list is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;

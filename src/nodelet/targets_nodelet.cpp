@@ -268,7 +268,8 @@ void TargetsNodelet::loadNext() {
   targetsChanged();
 }
 
-/// A node cannot know who listens to tf, so images are searched while a target has a tf frame.
+/// We cannot know whether anyone listens to tf, so we search the images as long as a target has a
+/// tf frame.
 void TargetsNodelet::targetsChanged() {
   diagnosis_.setFault("targets", book_.refusal());
   has_frames_ = book_.hasFrames();

@@ -160,8 +160,8 @@ class Worker {
   bool has(std::size_t kind) const { return inbox_.has(kind); }
   void clear(std::size_t kind) { inbox_.clear(kind); }
 
-  /// Sends a job, and returns its result or throws its exception; throws std::future_error after
-  /// stop(). Do not call this in the worker's own thread.
+  /// Sends a job, waits until it is done, and returns its result or throws its exception. Throws
+  /// std::future_error after stop(). Do not call this in the worker's own thread.
   template <typename Question>
   auto ask(Question question) {
     using Result = decltype(question(std::declval<State&>()));

@@ -21,8 +21,7 @@ namespace {
 using util::format;
 using util::imagePoint;
 
-/// Of the indices below `count`, chooses `chosen` that are evenly spaced. Returns true if `i` is
-/// one of them.
+/// Returns true if `i` is one of `chosen` evenly spaced indices below `count`.
 bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
   return (i + 1) * chosen / count != i * chosen / count;
 }
@@ -129,7 +128,7 @@ void drawEpipolarLines(const FrameView& reference, const FrameView& target,
   }
 }
 
-/// Draws the style OverlayStyle::flow, but not the panel.
+/// Draws the overlay of OverlayStyle::flow, without the panel.
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas) {
   if (!drawDimmed(target.image, 0.7, 15.0, canvas)) return;

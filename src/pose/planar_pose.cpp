@@ -188,11 +188,11 @@ std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
 }
 
 // The scale of the errors is unknown, because the covariance does not include the effect of a wrong
-// K, or of a picture whose proportions differ from the object's. So the scale is estimated, with a
-// prior that counts as much as kPrior measurements and says that the covariance is right. The
-// likelihood of a pose is then a Student's t density of its squared error. With kPrior = 1, the 50,
-// 75 and 90 % quantiles of the squared error should be 3, 15 and 99; in the frames of a real video,
-// they were 5, 21 and 71.
+// K, or of a reference image whose proportions differ from the target's. So the scale is estimated,
+// with a prior that counts as much as kPrior measurements and says that the covariance is right.
+// The likelihood of a pose is then a Student's t density of its squared error. With kPrior = 1, the
+// 50, 75 and 90 % quantiles of the squared error should be 3, 15 and 99; in the frames of a real
+// video, they were 5, 21 and 71.
 constexpr double kPrior = 1.0;
 constexpr double kFreedom = 2.0;  // degrees of freedom: eight of H minus six of a pose
 
@@ -232,7 +232,7 @@ std::vector<PlanarPose> posesFrom(const std::vector<Eigen::Isometry3d>& starts,
 }
 
 // Numbers of columns, rows and points of a grid that covers the reference image. A rolling shutter
-// bends the picture, so a homography must be fitted to points of the whole picture, not only to its
+// bends the image, so a homography must be fitted to points all over the image, not only to its
 // corners.
 constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
 using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;

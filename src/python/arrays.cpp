@@ -109,8 +109,8 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
   return keypoints;
 }
 
-/// Throws if a keypoint is outside the image or has infinite numbers, because such keypoints lead
-/// to wrong homographies.
+/// Throws if a keypoint is outside the image, or if its position, size or angle is not finite,
+/// because such keypoints lead to wrong homographies.
 void requireInside(const Features& features) {
   const cv::Size& size = features.image_size;
   for (std::size_t i = 0; i < features.keypoints.size(); ++i) {

@@ -102,7 +102,7 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   return std::make_shared<Match>(pair.match, pair.reference, pair.target, inputOf(hints));
 }
 
-/// An extractor that several Python threads may call; they work one after the other.
+/// An extractor that several Python threads may call; their calls run one after the other.
 class Extractor {
  public:
   explicit Extractor(const Settings& made_from)
@@ -128,7 +128,7 @@ class Extractor {
   util::Pool<Features> made_{4, [](Features&) {}};
 };
 
-/// A matcher that several Python threads may call; they work one after the other.
+/// A matcher that several Python threads may call; their calls run one after the other.
 class Matcher {
  public:
   explicit Matcher(const Settings& made_from)
@@ -394,8 +394,8 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
   std::vector<ScenePoint> scene;
   triangulate(result.two_view.pairs, input, result.two_view.view, scene);
-  // The row of each correspondence in the Python arrays, or -1: target keypoints without a nearest
-  // neighbour have no row there.
+  // For each correspondence: its row in the Python arrays, or -1 if it has none there because its
+  // target keypoint has no nearest neighbour.
   std::vector<std::int32_t> rows;
   rows.reserve(result.correspondences.size());
   std::int32_t row = 0;

@@ -43,7 +43,7 @@ struct Match {
   Match(const MatchResult& result, const Features& reference, const Features& target,
         const TwoViewInput& input = {});
 
-  /// Returns false for a scene with depth, which has no homography.
+  /// Returns true if a homography was found. A scene with depth has none.
   bool hasHomography() const { return status == "ok" && geometry != "epipolar"; }
 
   std::string status;

@@ -30,7 +30,7 @@ std::shared_ptr<FrameMatch> copied(const SequenceMatch& found) {
   return out;
 }
 
-/// A sequence that several Python threads may call; they work one after the other.
+/// A sequence that several Python threads may call; their calls run one after the other.
 class Sequence {
  public:
   explicit Sequence(const Settings& made_from)

@@ -43,8 +43,8 @@ using ConfigurationConstPtr = boost::shared_ptr<const Configuration>;
 Parameters parametersFrom(const KtgpConfig& config);
 
 /// Converts the parameters and checks them. Reference image, masks and lens stay empty, because the
-/// caller must read them from files and messages. Throws std::invalid_argument for values out of
-/// their limits, or NaN.
+/// caller must read them from files and messages. Throws std::invalid_argument if a value is out of
+/// its range or NaN.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
 

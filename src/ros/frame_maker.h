@@ -51,8 +51,7 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  // The memory of earlier frames is used again, so that nothing is allocated after the first
-  // images.
+  // Memory of earlier frames. We use it again, so that nothing is allocated after the first images.
   util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
   std::optional<PixelCamera> camera_;  // camera for images of the size `camera_size_`
   cv::Size camera_size_;

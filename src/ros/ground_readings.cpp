@@ -24,7 +24,7 @@ constexpr double kDegree = util::kPi / 180.0;
 using util::withoutSlash;
 
 /// Inserts a message in the order of the stamps. If `order` finds that the stamp may be wrong (see
-/// StampOrder), the message is kept in `apart` until the next message shows whether the stamp was
+/// StampOrder), keeps the message in `apart` until the next message shows whether the stamp was
 /// right.
 template <typename Message>
 void keep(const Message& message, util::StampOrder& order, std::deque<Message>& messages,
@@ -466,9 +466,9 @@ std::string shutterReport(const GroundEstimate& estimate) {
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
   // The estimator uses a given readout_time as the mean of a prior whose standard deviation is a
-  // tenth of this value, so the estimate is pulled towards it. If the estimate nevertheless differs
-  // by more than three of these deviations, and by more than kCertain deviations of its own, the
-  // images clearly contradict the value.
+  // tenth of this value, so the estimate is pulled towards it. If the estimate still differs from
+  // the value by more than three of these standard deviations (kShare), and by more than kCertain
+  // of its own, the images clearly contradict the value.
   constexpr double kShare = 0.3;
   constexpr double kCertain = 5.0;  // number of standard deviations of the estimate
   if (readout_time == -1.0) return "";

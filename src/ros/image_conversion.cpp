@@ -67,8 +67,8 @@ const std::vector<Format>& formats() {
       {"uyvy", CV_8UC2, cv::COLOR_YUV2GRAY_UYVY, cv::COLOR_YUV2BGR_UYVY},
       {"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
       {"yuyv", CV_8UC2, cv::COLOR_YUV2GRAY_YUY2, cv::COLOR_YUV2BGR_YUY2},
-      // In these formats, the brightness of all pixels comes first, and the colours follow. To get
-      // a grey image, only the brightness is read.
+      // In these formats, the brightness of all pixels comes first, and the colours follow. For a
+      // grey image, we read only the brightness.
       {"nv12", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV12},
       {"nv21", CV_8UC1, kNoCode, cv::COLOR_YUV2BGR_NV21},
       {"nv24", CV_8UC1, kNoCode},
@@ -84,8 +84,8 @@ const std::vector<Format>& formats() {
   return all;
 }
 
-/// If compressed data cannot be decoded, the result is an image without pixels. Its encoding is
-/// this text followed by the reason.
+/// If compressed data cannot be decoded, we pass on an image without pixels whose encoding is this
+/// text followed by the reason (see undecodedImage()).
 constexpr char kUndecoded[] = "compressed image ";
 
 const Format& formatOf(const std::string& encoding) {
@@ -197,7 +197,7 @@ cv_bridge::CvImageConstPtr ofYuv(const sensor_msgs::ImageConstPtr& message) {
   return image;
 }
 
-/// Decodes a compressed image, also in the format compressedDepth. Throws RefusedImage.
+/// Decodes a compressed image; its format may be compressedDepth. Throws RefusedImage.
 cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   const auto refuse = [&](const std::string& why) {
     throw RefusedImage(kUndecoded + ("(format " + util::quoted(message.format)) + ") " + why);
@@ -206,8 +206,8 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
   std::string_view bytes(data, message.data.size());
   if (bytes.empty()) refuse("has no data");
   const bool is_depth = message.format.find("compressedDepth") != std::string::npos;
-  // Size of the header of compressedDepth data in bytes: an enumerator and two float parameters,
-  // which only float depth needs.
+  // Size of the header of compressedDepth data in bytes. We skip this header: its enumerator and
+  // two floats are needed only to decode depth in floats.
   constexpr std::size_t kDepthHeader = 12;
   if (is_depth && message.format.rfind("32FC1", 0) == 0) {
     refuse("is depth in floats; expected an image, or depth of 16UC1");
@@ -317,8 +317,8 @@ sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& mess
   const int type = image.image.type();
   const bool one_channel = image.image.channels() == 1;
   for (const Format& format : formats()) {
-    // Several formats have the same OpenCV type. The first of them in the list has OpenCV's order
-    // of colours, so it is chosen unless the message names a format.
+    // Several formats have the same OpenCV type. Choose the format that the message names; if it
+    // names none, choose the first in the list, which has OpenCV's order of colours.
     const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
     if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
   }

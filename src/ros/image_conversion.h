@@ -59,7 +59,7 @@ bool hasBytes(const std::string& encoding);
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
 
 /// Applies `warp`, a homography from a stabilizer, and keeps the size of the image. Where the
-/// result shows the outside of the image, the nearest border pixel is repeated.
+/// result lies outside of the warped image, repeats the nearest border pixel.
 cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
 /// Decodes a compressed image and keeps its header. The encoding is mono8, mono16, bgr8, bgra8,
@@ -94,8 +94,8 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 /// greyImage. In Bayer images, a pixel is black if its raw value is 0; in yuv422 images, if its
 /// brightness is 0. Throws RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
-/// Like maskImage(), for pixels in memory. A fourth channel is taken as opacity: the mask is 0 at
-/// transparent pixels, too.
+/// Like maskImage(), for pixels in memory. A fourth channel is the opacity: the mask is also 0
+/// where a pixel is transparent.
 cv::Mat notBlack(const cv::Mat& image);
 
 /// Reads a mask from an image file of any depth; empty for an empty path. Throws like
@@ -111,8 +111,8 @@ constexpr char kHidesAll[] =
 std::string idleMask(const cv::Mat& mask);
 
 /// Reads an image file as a message with stamp zero: mono16 if the file has 16 bits, else mono8.
-/// Null for an empty path. Throws RefusedImage, with a text that begins with `name`, if the file
-/// cannot be read or is not a regular file, because reading a pipe could block.
+/// Returns null for an empty path. Throws RefusedImage, with a text that begins with `name`, if the
+/// file cannot be read or is not a regular file, because reading a pipe could block.
 sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path);
 
 }  // namespace ktgp_orb

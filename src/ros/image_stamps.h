@@ -20,13 +20,12 @@ class ImageStamps {
 
   /// Checks the stamp of the next image and returns what is wrong with it. `arrival`: time of the
   /// computer's clock when the image arrived; zero: unknown. If the delay from stamp to arrival was
-  /// steady so far, a stamp that is ahead of its time is detected at once, and its image must not
-  /// be used. If the next stamp is ahead, too, it is accepted, because the camera's clock was
-  /// probably set.
+  /// steady so far, detects a stamp that is ahead of its time at once; do not use its image. If the
+  /// next stamp is ahead, too, accepts it, because the camera's clock was probably set.
   Wrong wrongWith(const ros::Time& stamp, const ros::Time& arrival);
   /// The newest stamp that is known to be wrong. If a stamp was ahead of its time but was accepted,
-  /// the next stamp seems to go back and is called wrong at first. Only the stamp after that shows
-  /// which of the two was wrong.
+  /// the next stamp seems to go back, so wrongWith() first calls that next stamp wrong. Only the
+  /// stamp after it shows which of the two was wrong.
   const ros::Time& wrong() const { return wrong_; }
   /// Explains why the last image with a stamp ahead of its time was refused.
   std::string reason() const;

@@ -28,7 +28,7 @@ struct MatchedFrame {
   const SequenceMatch& match;
   std::uint32_t configuration = 0;  ///< number of the parameter set (Configuration::number)
   double latency = 0.0;             ///< s
-  std::uint64_t dropped = 0;        ///< this and the next four: number of frames since the start
+  std::uint64_t dropped = 0;        ///< number of frames since the start, like the next four
   std::uint64_t lost = 0;
   std::uint64_t skipped = 0;
   std::uint64_t refused = 0;

@@ -18,8 +18,9 @@ constexpr const char* kThingsStandStill =
 /// Converts image messages to frames and matches them with the node's parameters. Not thread-safe.
 class MessageMatcher {
  public:
-  /// Both functions throw std::invalid_argument for options that the core refuses, and RefusedImage
-  /// for an unusable reference image. If configure() throws, it has changed nothing.
+  /// The constructor and configure() throw std::invalid_argument for options that the core refuses,
+  /// and RefusedImage for an unusable reference image. If configure() throws, it has changed
+  /// nothing.
   explicit MessageMatcher(const Configuration& configuration);
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return configuration_; }
@@ -30,7 +31,7 @@ class MessageMatcher {
   /// SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
   /// The overlay of the last processed frame. `image`: the message of this frame; the overlay needs
-  /// its colours. Null if no frame was processed since the last reset.
+  /// its colours. Returns null if no frame was processed since the last reset.
   sensor_msgs::ImagePtr overlay(const sensor_msgs::ImageConstPtr& image) const;
 
   /// Makes the next frame the reference of the fixed mode.

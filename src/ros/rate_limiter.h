@@ -8,8 +8,8 @@
 namespace ktgp_orb {
 
 /// Skips frames evenly to limit their rate: time is divided into slots, and the first frame of each
-/// slot is used. The slots begin such that the very first frame is in the middle of its slot. So if
-/// the camera's rate equals the limit, every frame is near the middle of a slot, and stamps may
+/// slot is used. The slots are placed so that the very first frame is in the middle of its slot. So
+/// if the camera's rate equals the limit, every frame is near the middle of a slot, and stamps may
 /// jitter by up to half a slot.
 class RateLimiter {
  public:

@@ -7,8 +7,8 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-/// If a caller still uses the matrix, leaves its memory to the caller, so that it is not
-/// overwritten. A caller may keep the matrix even after it has released the frame.
+/// Releases the matrix if a caller still uses its memory, so that the next frame does not overwrite
+/// this memory. A caller may keep the matrix even after it has released the frame.
 void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
@@ -53,8 +53,8 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void TrackNumbers::begin(Frame& frame) {
-  // Reserve room for as many track numbers as the keypoints have room for. So both need new memory
-  // at the same time.
+  // Reserve as much room for track numbers as for keypoints. Then a frame allocates new memory for
+  // its track numbers only when it does so for its keypoints.
   frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);

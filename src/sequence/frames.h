@@ -9,8 +9,8 @@
 
 namespace ktgp_orb::sequence {
 
-/// Hands out frames. When no caller holds a frame any more, its images are released at once, and
-/// the rest of its memory is used for a later frame.
+/// Hands out frames. When no caller holds a frame any more, the pool releases its images at once
+/// and uses the rest of its memory for a later frame.
 class FramePool {
  public:
   FramePtr take();

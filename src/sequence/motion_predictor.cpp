@@ -6,7 +6,8 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-constexpr double kKeptShare = 0.5;  // with a smaller share of the last inliers, a match is poor
+// A match is poor if it has less than this share of the inliers of the last match.
+constexpr double kKeptShare = 0.5;
 
 double nanoseconds(std::int64_t from, std::int64_t to) {
   return static_cast<double>(to) - static_cast<double>(from);

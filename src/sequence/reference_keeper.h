@@ -14,7 +14,7 @@ namespace ktgp_orb::sequence {
 NoReference anotherCamera(const Frame& next, const Frame& before);
 
 /// Chooses the reference of each frame and decides when to forget it. Multiplies the homographies
-/// of the frames to get the homography from the first frame.
+/// from frame to frame to get the homography from the first frame to the newest.
 class ReferenceKeeper {
  public:
   void setOptions(const ReferenceOptions& options);
@@ -40,7 +40,7 @@ class ReferenceKeeper {
   const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
   std::int64_t firstStamp() const { return first_stamp_; }
 
-  /// Makes `frame` the reference of the fixed mode. Null: there is none.
+  /// Makes `frame` the reference of the fixed mode; null removes the reference.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
   /// Replaces `frame` by `fresh`, a new frame of the same image, wherever `frame` is a reference.

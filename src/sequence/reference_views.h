@@ -15,8 +15,8 @@ class ReferenceViewsMaker {
   /// until the background thread has finished them.
   const ReferenceViews* of(const FramePtr& reference, const OrbOptions& orb, int views,
                            bool in_background);
-  /// Discards the views, also those that the thread is making. Call this if the options or the
-  /// reference have changed.
+  /// Discards the views, including the views that the background thread is making. Call this if the
+  /// options or the reference have changed.
   void forget();
   /// State of the views (none, being made or ready) after the last call of of() or forget().
   ViewsState state() const { return state_; }

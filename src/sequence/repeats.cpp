@@ -11,7 +11,9 @@ namespace {
 /// Mean absolute difference of two images, in grey levels. Compares only pixels on a grid: in a
 /// large image, comparing all pixels would take as long as extracting its features.
 double differenceOf(const cv::Mat& a, const cv::Mat& b) {
-  constexpr int kStep = 5;  // px; so the grid meets all positions within JPEG blocks (8 px)
+  // px; 5 has no common factor with 8, the side of a JPEG block in px, so the grid meets every
+  // position within the blocks.
+  constexpr int kStep = 5;
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (int y = 0; y < a.rows; y += kStep) {
@@ -76,9 +78,9 @@ double Repeats::patience() const {
 }
 
 /// Returns true if the differences alternate between a group of large and a group of small values,
-/// and `difference` is small. While a motion slows down, some differences lie between the groups,
-/// so the result is false. When a motion stops, the differences become small only once, so the
-/// result is false, too.
+/// and `difference` belongs to the small values. While a motion slows down, some differences lie
+/// between the groups, so the result is false. When a motion stops, the differences become small
+/// only once, so the result is false, too.
 bool Repeats::isInLowerGroup(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; smaller differences are set to this

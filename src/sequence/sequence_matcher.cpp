@@ -52,7 +52,7 @@ double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
 }
 
 /// Adds pyramid levels for enlarged copies of the image to the options. The largest copy is at most
-/// `scale` times as large as the image, and at most 2500 px long.
+/// `scale` times as large as the image, and its longer side is at most 2500 px.
 OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
   constexpr double kLargest = 2500.0;  // px
   constexpr int kMostLevels = 16;
@@ -82,7 +82,7 @@ void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) 
 }  // namespace
 
 // Adapts the options to a sequence. The features need no copies of the pyramid images, because the
-// sequence keeps the frames. In previous mode, growth is switched off.
+// sequence keeps the frames. Switches growth off in previous mode.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;

@@ -13,8 +13,8 @@ namespace {
 
 using util::requireInRange;
 
-// For smoothing, use only frames whose time differs by at most this many standard deviations of the
-// Gaussian weights.
+// The smoothing uses only the frames that are at most this many standard deviations of the Gaussian
+// weights earlier or later than the smoothed frame.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
@@ -22,10 +22,10 @@ constexpr double kFadingTime = 0.5;    // s
 // smoothing needs more of the margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still; it is used only with a lag of 0. At 30
-// frames per second, the earlier frames determine the slope of the fitted line with a weight of 5:
-// the sum of weight * (time - mean time)². Compared with this, 0.1 is small: it delays an even
-// motion by only 0.01 s.
+// Weight of the assumption that the camera stands still; used only with a lag of 0. For comparison:
+// at 30 frames per second, the earlier frames determine the slope of the fitted line with a weight
+// of 5, the sum of weight * (time - mean time)². So 0.1 is small: it delays an even motion by only
+// 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
@@ -76,8 +76,8 @@ class LineAtZero {
   std::array<Eigen::Vector2d, 4> product_ = sum_;
 };
 
-/// The cropped picture shows a part of the frame. Returns how far the correction moves the corners
-/// of this part outwards, as a share of the margin: at 1, a corner reaches the frame's border.
+/// Returns how far the correction moves the corners of the cropped picture outwards in the frame,
+/// as a share of the margin: at 1, a corner reaches the frame's border.
 double shareOfMargin(const Eigen::Matrix3d& correction,
                      const std::array<Eigen::Vector2d, 4>& corners, double crop) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);

@@ -38,8 +38,8 @@ constexpr double kShape = 0.15;
 constexpr std::size_t kPart = 300;  // frames
 constexpr std::size_t kOverlap =
     100;  // frames at the end of a part; the next part solves them again
-// The next part also begins with this many frames before the overlap. Their corrections are already
-// known and do not change any more.
+// The next part begins this many frames before the overlap. The corrections of these frames are
+// already known and do not change any more.
 constexpr std::size_t kKnown = 3;
 
 /// A point of the window (its middle or a corner). For each frame: the lowest and highest allowed
@@ -90,7 +90,7 @@ class LinearProgram {
   std::vector<double> high_;
   std::vector<double> cost_;
   std::vector<double> right_;
-  std::vector<Eigen::Triplet<double>> terms_;  // the equation, the variable and its factor
+  std::vector<Eigen::Triplet<double>> terms_;  // for each term: equation, variable and factor
 };
 
 #ifdef KTGP_ORB_HAVE_CLP
@@ -145,8 +145,8 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
 
 /// For each frame, adds two unknowns to the program: how far the point still moves in the steady
 /// picture, in x and in y. This motion is the point's position in the window of this frame minus
-/// the position to which the homography maps it from the previous frame. It is linear in the
-/// corrections near those in track.best.
+/// the position to which the homography maps it from the previous frame. Near the corrections in
+/// track.best, it is a linear function of the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());

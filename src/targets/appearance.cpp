@@ -16,8 +16,8 @@ constexpr int kMostBlocks = 16;  // largest number of blocks along a side of the
 constexpr float kAlike = 0.7F;   // two blocks with a larger correlation look alike
 constexpr int kDecoyReach = 2;   // largest shift of a decoy (see agreementOfDecoys()), in blocks
 
-/// log10 of Chernoff's bound on the probability of at least `hits` hits in `count` trials, where
-/// each trial hits with probability `chance`.
+/// Returns log10 of Chernoff's upper bound for the probability of at least `hits` hits in `count`
+/// trials, each of which hits with the probability `chance`.
 double logTail(double hits, double count, double chance) {
   const double share = hits / count;
   if (share <= chance) return 0.0;
@@ -26,18 +26,18 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Number of blocks along a side of the picture. `length`: length of this side in the frame, px. A
-/// block covers at least 4 px of the camera image, because neighbouring pixels of an enlarged frame
-/// are interpolated and therefore not independent.
+/// Returns the number of blocks along a side of the picture. `length`: length of this side in the
+/// frame, px. `enlargement`: see FramePyramid. A block covers at least 4 px of the camera image,
+/// because neighbouring pixels of an enlarged frame are interpolated and therefore not independent.
 int blocksAlong(double length, double enlargement) {
   constexpr double kLeastTaken = 4.0;  // minimum side of a block, px of the camera image
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);
   return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
-/// Dot product of two blocks. It has sixteen partial sums, which the compiler can turn into vector
-/// code. It could not do so with a single sum, because it must not change the order of the
-/// additions.
+/// Returns the dot product of two blocks. Adds up sixteen partial sums, so that the compiler can
+/// use vector instructions. It cannot do so for a single sum, because it must not change the order
+/// of the additions.
 float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
   constexpr int kColumns = 16;
   float sums[kColumns] = {};
@@ -55,8 +55,8 @@ cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
 
 }  // namespace
 
-/// Resizes the picture to `size` (picture_), and warps the part of the frame that shows the picture
-/// to the same size, with a margin on each side (frame_).
+/// Resizes the picture to `size` and stores it in picture_. Warps the part of the frame that shows
+/// the picture to the same size, with a margin on each side, and stores it in frame_.
 void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const cv::Size& size, const cv::Size& margin, const FramePyramid& frame) {
   const cv::Size& whole = picture.image.size();
@@ -158,9 +158,9 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
-/// Sums the hits and pairs of all decoy positions: there, the picture is shifted by up to
-/// kDecoyReach blocks, so all hits are chance hits. The sums begin with one hit in one pair, so
-/// that the rate of chance hits is never 0. Raises `largest` to the highest share of hits at any
+/// Returns the sum of the hits and pairs at all decoy positions. There, the picture is shifted by
+/// up to kDecoyReach blocks, so all hits are chance hits. The sum begins with one hit in one pair,
+/// so that the rate of chance hits is never 0. Raises `largest` to the highest share of hits at any
 /// decoy position with at least `fewest` pairs of blocks.
 Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
   Agreement decoys{1.0, 1.0};
@@ -186,7 +186,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr double kFewestToDiffer = 12.0;
   // At least this share of the blocks in view must look alike; the other blocks may be hidden.
   constexpr double kLeastShare = 0.3;
-  // Picture and frame are warped to the same size. It is at most the size of the picture in the
+  // We warp the picture and the frame to the same size: at most the size of the picture in the
   // frame, but at least three blocks per side.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
   columns_ = blocksAlong(seen.width, frame.enlargement);

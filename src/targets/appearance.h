@@ -15,11 +15,11 @@ struct FramePyramid {
   double enlargement = 1.0;   ///< size of level 0 divided by the size of the camera image
 };
 
-/// Maps a picture into the frame by a homography, and compares both images there, block by block:
-/// two blocks look alike if their grey values correlate (a hit). The rate of chance hits is
-/// measured, too: it is the share of hits when the blocks of the picture are compared with wrong
-/// blocks of the frame nearby. So the blocks of a repetitive picture, which all look alike, are no
-/// evidence. Reuses its buffers.
+/// Compares a picture with the frame, block by block, after mapping it there by a homography: two
+/// blocks look alike (a hit) if their grey values correlate. Also measures the rate of chance hits:
+/// the share of hits when the blocks of the picture are compared with wrong blocks of the frame
+/// nearby. So a repetitive picture, whose blocks all look alike, gives no evidence. Reuses its
+/// buffers.
 class Appearance {
  public:
   struct Similarity {
@@ -61,9 +61,9 @@ class Appearance {
     bool is_seen = true;  // true if the centre of the block is in the frame
     float values[64];     // grey values, normalised to mean 0 and norm 1
   };
-  /// Result of comparing each textured block of the picture with the block of the frame that is
-  /// (dx, dy) blocks farther on. `pairs`: number of comparisons. `hits`: how many of these pairs of
-  /// blocks look alike.
+  /// Result of agreementAt(dx, dy), which compares each textured block of the picture with the
+  /// block of the frame that is (dx, dy) blocks farther on. `pairs`: number of comparisons. `hits`:
+  /// number of comparisons in which the two blocks look alike.
   struct Agreement {
     double hits = 0.0;
     double pairs = 0.0;

@@ -10,8 +10,9 @@
 namespace ktgp_orb::targets {
 
 /// Finds the descriptors of a set that are similar to a given descriptor, without comparing them
-/// all. Each of eight tables sorts the descriptors by a key: the first bits of one eighth of their
-/// 256 bits (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012). Reuses its buffers.
+/// all. A descriptor has eight parts of 32 bits. For each part, a table sorts the descriptors by a
+/// key, the first bits of this part (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012).
+/// Reuses its buffers.
 class BitTables {
  public:
   static constexpr std::size_t kTables = 8;

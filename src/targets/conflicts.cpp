@@ -12,11 +12,11 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Longer side of the small copy that is compared with itself, px.
+// Longer side of the small copy of a picture that ambiguityOf() compares with itself, px.
 constexpr double kCopySide = 96.0;
-// As a share of the picture's width or height; a smaller shift counts as no shift.
+// A shift by less than this share of the picture's width or height counts as no shift.
 constexpr double kLeastMove = 0.08;
-constexpr double kLeastAlike = 0.5;  // minimum correlation; low, since blocks are compared later
+constexpr double kLeastAlike = 0.5;  // minimum correlation; low, since looksTheSame() is stricter
 constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
@@ -136,11 +136,10 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
 }
 
 /// Returns true if a part of the image, such as a text, clearly differs from the picture found in
-/// it. The part must be so large that conflicts() can tell which of the two pictures is seen.
-/// Measured shares of differing blocks: at most 0.031 in 350 copies of pictures with another light,
-/// scale and blur, if the copy was found in the right place; at least 0.041 in different signs that
-/// have the same upper half and one word of the lower half in common. Glare with a sharp edge may
-/// give a share of 0.08.
+/// it, and is so large that conflicts() can tell the two pictures apart. Measured: in 350 copies of
+/// pictures with other light, scale and blur, found in the right place, at most 0.031 of the blocks
+/// differ. In different signs that have the upper half and one word of the lower half in common, at
+/// least 0.041 differ. Glare with a sharp edge may change 0.08 of the blocks.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;

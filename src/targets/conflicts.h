@@ -18,8 +18,8 @@ std::string ambiguityOf(const TargetPicture& picture);
 /// another target explains the same part of the frame at least nearly as well (see
 /// FoundTarget::log_false_alarms). Two cases:
 /// - Both pictures have a part in common, such as a logo. Only this part of the doubtful target is
-/// seen, inside the other target. (A target on top of the other is not doubtful: it is seen as a
-/// whole and looks like its picture as much as the other does. A target below the other is not
+/// seen, inside the other target. (A target in front of the other is not doubtful: it is seen as a
+/// whole and looks like its picture as much as the other does. A target behind the other is not
 /// doubtful either: parts of it are seen outside of the other.)
 /// - Both targets cover nearly the same part of the frame.
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);

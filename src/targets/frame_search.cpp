@@ -178,7 +178,7 @@ void FrameSearch::take(const FoundTarget& target) {
   for (const std::int32_t i : target.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
 }
 
-/// Gives `rest_` the features that no instance has taken yet.
+/// Passes the features that no instance has taken yet to `rest_`.
 void FrameSearch::setRest() {
   rest_numbers_.clear();
   rest_features_.keypoints.clear();

@@ -72,8 +72,8 @@ class FrameSearch {
   bool is_thorough_set_ = false;
   std::size_t step_ = 1;  // from one look-up to the next, the keypoint's index grows by this
   std::vector<std::uint32_t> queries_;
-  std::vector<IndexHit> hits_;                // result of the look-up in the index
-  std::vector<std::vector<IndexHit>> pairs_;  // the pairs of each picture of a target
+  std::vector<IndexHit> hits_;                // hits that lookUp() has found in the index
+  std::vector<std::vector<IndexHit>> pairs_;  // for each picture of a target: its pairs
   std::vector<Candidate> candidates_;
   std::vector<FoundTarget> undetermined_;
   Seeds seeds_;

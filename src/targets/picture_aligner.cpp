@@ -72,9 +72,9 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   UncertainHomography of_small = UncertainHomography{estimate.homography * to_picture};
   of_small.homography /= of_small.homography(2, 2);
   const double all = std::hypot(size_.width, size_.height);
-  // The first round improves the homography that warps the patches in the last round. A quarter of
-  // the patches is enough for the first round, unless the picture is so small that too few patches
-  // remain.
+  // Align in two rounds: the first round improves the homography that warps the patches of the
+  // second round. A quarter of the patches is enough for the first round, unless the picture is so
+  // small that too few patches remain.
   const auto improve = [&](double step) {
     return alignNear({0.0, 0.0}, all, step, of_small.homography) && refine(of_small);
   };
@@ -177,14 +177,15 @@ Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
   return squares;
 }
 
-/// If a camera with a rolling shutter vibrates, neighbouring rows are displaced together, by more
-/// than the noise of their patches. The homography follows a part of this displacement, so the
-/// residuals do not show that part. If the mean residuals of the bands of rows vary by more than
-/// the noise explains, this function adds the excess variance of each band to the covariance.
+/// Adds the errors caused by vibration to the covariance. If a camera with a rolling shutter
+/// vibrates, neighbouring rows are displaced together, by more than the noise of their patches. The
+/// homography follows a part of this displacement, so the residuals do not show that part. If the
+/// mean residuals of the bands of rows vary by more than the noise explains, each band adds this
+/// excess variance to the covariance.
 void PictureAligner::addVibration(UncertainHomography& estimate) {
   constexpr double kFitted = 3.0;  // a homography can fit the shifts of this many bands
-  // Neighbouring patches overlap by half in x and y, so the noise variance of a mean is this many
-  // times as large as for independent patches.
+  // Neighbouring patches overlap by half in x and y, so the noise variance of a band's mean
+  // residual is this many times as large as with independent patches.
   constexpr double kOverlap = 4.0;
   const Eigen::Vector2d squares = sumBands(estimate.homography);
   double count = 0.0;

@@ -22,8 +22,8 @@ class PictureAligner {
 
   /// Finds the homography of the whole picture from `map`, an affine map picture -> frame that is
   /// right only near `centre` (px of the picture). Aligns the patches near `centre`, fits the map
-  /// to them, and repeats this with a larger and larger radius. Returns true if `estimate` is the
-  /// homography; false if too few patches agree.
+  /// to them, and repeats this with a larger and larger radius. Returns true and stores the
+  /// homography in `estimate`, or returns false if too few patches agree.
   bool grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
             const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
             UncertainHomography& estimate);

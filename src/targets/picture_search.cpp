@@ -36,7 +36,7 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;  // px
   // A seed is explained if it agrees with at least this many of the homographies that earlier seeds
-  // have grown to. We ask for two, because a single one may be wrong.
+  // have grown to. We ask for two, because one homography alone may be wrong.
   constexpr std::ptrdiff_t kTwice = 2;
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from(), seed.to()) < kNear;
@@ -80,9 +80,9 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   return true;
 }
 
-/// Weaker evidence is enough here than if the whole frame is searched for all pictures, because
-/// there are fewer opportunities for a false alarm: it would have to lie within the radius and to
-/// look more like the picture than the places around it.
+/// A followed picture needs weaker evidence than a picture found by searching the whole frame for
+/// all pictures, because a false alarm is less likely: it would have to lie within the radius and
+/// to look more like the picture than the places around it.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundTarget& found) {
   constexpr double kPlaces = 100.0;  // number of independent places within the radius
@@ -146,9 +146,9 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   }
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
-  // The verdict also counts the matches after a shift by a period of the scene, such as the
-  // distance between two windows. Longer shifts are left out, because they lead to another copy of
-  // the target beside this one.
+  // The verdict also counts the matches of the same homography after a shift by a period of the
+  // scene, such as the distance between two windows. We exclude longer shifts, because they lead to
+  // another copy of the target beside this one.
   const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
@@ -256,7 +256,7 @@ bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPict
       !isView(aligned_.homography, picture)) {
     return false;
   }
-  // Keep the alignment only if most pairs of keypoints still agree.
+  // Keep the alignment only if at least half of the pairs of keypoints agree with it.
   const std::size_t before = found.pairs.size();
   homography::label(aligned_, found.pairs, growth::Verdict::kRadius, labelled_);
   if (2 * labelled_.inliers < before) return false;

@@ -24,9 +24,10 @@ double enlargementOf(int longer_side) {
   return by >= kLeast ? by : 1.0;
 }
 
-/// Returns the options for a frame that is enlarged by the factor `by`. Adds pyramid levels so that
-/// large targets are still found: as many levels as a factor of `by`, but at most 2, needs. If the
-/// factor is larger than 2, edges become softer, so the threshold for corners is lowered.
+/// Returns the options for a frame that is enlarged by the factor `by`. Adds enough pyramid levels
+/// to shrink the frame once more by this factor (at most by 2), so that large targets are still
+/// found. If the factor is larger than 2, edges become softer, so we lower the threshold for
+/// corners.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
   const double octave = std::min(by, kOctave);
@@ -36,8 +37,8 @@ OrbOptions enlarged(OrbOptions options, double by) {
   return options;
 }
 
-/// The enlarged size, rounded to whole pixels. The homography to the original frame must use the
-/// ratio of the rounded sizes.
+/// Returns `size` enlarged by the factor `by`, rounded to whole pixels. The homography to the
+/// original frame must use the ratio of the rounded sizes.
 cv::Size resized(const cv::Size& size, double by) {
   return {std::max(1, cvRound(by * size.width)), std::max(1, cvRound(by * size.height))};
 }

@@ -22,7 +22,7 @@ std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count
   return votes;
 }
 
-// Only the first pairs, at most this many, are used, to save time.
+// To save time, Seeds::collect() makes seeds from at most this many pairs, the first in the list.
 constexpr std::size_t kMost = 300;
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,

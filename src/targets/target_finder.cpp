@@ -34,8 +34,8 @@ using util::millisecondsSince;
 using Clock = std::chrono::steady_clock;
 
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
-/// Largest distance between the predicted and the true position of a target that was seen in the
-/// last frame, px of the frame.
+/// A target that was seen in the last frame is searched for up to this distance from its predicted
+/// position, px of the frame.
 constexpr double kSearchRadius = 48.0;
 
 bool havePassed(double milliseconds, Clock::time_point since) {
@@ -99,8 +99,9 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   return detection;
 }
 
-/// Returns true if `name` is the frame of an instance of the target with `frame`: `door_1` is the
-/// frame of instance 1 of `door`, but `door_0` and `door_01` belong to no instance.
+/// Returns true if `name` is the tf frame of an instance of the target whose tf frame is `frame`.
+/// For the target `door`, `door_1` is the tf frame of instance 1, but `door_0` and `door_01` belong
+/// to no instance.
 bool isInstanceFrame(const std::string& name, const std::string& frame) {
   const std::size_t first = frame.size() + 1;  // position of the first digit
   return name.size() > first && name.compare(0, first, frame + "_") == 0 && name[first] != '0' &&
@@ -113,7 +114,7 @@ struct Sequence {
   // Where the next frame starts in the order of look-ups (see FrameSearch::lookUp).
   std::size_t turn = 0;
   targets::Tracks tracks;
-  // Number of the frame that last tried the target.
+  // For each target: number of the last frame in which tryTarget() has searched for it.
   std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;
 };
 
@@ -210,7 +211,8 @@ Eigen::Matrix3d TargetFinder::Impl::setChecked(const TargetPicture& picture, boo
 /// Returns a known target that looks the same as the picture; null if there is none.
 const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bool larger,
                                                 const StoredTarget* replaced) {
-  // Minimum number of votes. A lookalike gets many more, but a small picture has few keypoints.
+  // Minimum number of votes of a candidate. A lookalike gets many more, but a small picture has few
+  // keypoints.
   const std::int32_t fewest = isSmall(picture) ? 2 : 5;
   const UncertainHomography to_picture{setChecked(picture, larger)};
   search.lookUp(0, checked.features().size());
@@ -229,7 +231,7 @@ const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bo
 
 /// Throws if a known target and a new picture show nearly the same part of the scene. A target that
 /// covers only a part of the picture, such as a logo, is allowed. A small picture has few keypoints
-/// at its original size, so it is searched again after it was enlarged.
+/// at its original size, so we also search an enlarged copy of it.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
@@ -313,7 +315,7 @@ void TargetFinder::Impl::searchOthers() {
   const Clock::time_point start = Clock::now();
   // Use less time while a target is followed, so that the robot has time for other work.
   const double milliseconds = (found.empty() ? 1.0 : 0.1) * options.search_ms;
-  // The other half of the time is for the candidates.
+  // Look up keypoints for half of the time; the other half is left for trying the candidates.
   const std::size_t frames = lookUp(answer.features, 0.5 * milliseconds, start);
   std::vector<Candidate> others;
   for (const Candidate& candidate : search.candidates()) {
@@ -395,8 +397,8 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
 /// corners to search.undetermined(). If the images could not be aligned, the frame is blurred or
 /// dark, or the view is steep. Then the covariance is multiplied by kSharedDisplacement. Blur
 /// displaces neighbouring keypoints together, so many keypoints give hardly more information than a
-/// few. In drawn frames with 4 to 20 px of blur, the squared errors of the corners were 10 to 140
-/// times the variances of the covariance, and some corners were 20 px off.
+/// few. In synthetic frames with 4 to 20 px of blur, the squared errors of the corners were 10 to
+/// 140 times the variances of the covariance, and some corners were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const bool has_images = !frame->features().images.empty();
@@ -535,8 +537,8 @@ const TargetFrame& TargetFinder::find(const Features& features) {
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   const Sequence followed = std::exchange(impl_->sequence, {});
-  // Search in separate buffers, because the image may need large ones; they are freed afterwards,
-  // and the sequence keeps its own.
+  // Search with separate buffers. The image may need large buffers, which are freed afterwards; the
+  // sequence keeps its own buffers.
   std::unique_ptr<SearchedFrame> of_sequence =
       std::exchange(impl_->frame, std::make_unique<SearchedFrame>(impl_->options));
   const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);

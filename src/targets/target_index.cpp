@@ -16,8 +16,9 @@ void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bi
   is_changing_ = true;
   Segment fresh;
   for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
-  // Merge the new segment with the last segments while they are not larger than the merged one,
-  // like the carries of a binary counter. So each descriptor is sorted only a few times.
+  // Merge the new segment with the segments at the end of the list, one after the other, until the
+  // next one is larger than the merged segment, like the carries of a binary counter. So each
+  // descriptor is sorted only a few times.
   std::size_t first = segments_.size();
   std::size_t size = fresh.entries.size();
   while (first > 0 && segments_[first - 1].entries.size() <= size) {
@@ -117,7 +118,7 @@ void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) cons
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  // The hit is already in the list, because another table has found it, too.
+  // In this case, the hit is already in the list, because another table has found it, too.
   if (place != nearest.end() && !before(hit, *place)) return;
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();

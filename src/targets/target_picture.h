@@ -29,7 +29,7 @@ struct TargetPicture {
 
 /// Shrinks the image if it is larger than `largest_side`, creates its views, and extracts their
 /// features. `features`, `largest_side`, `views`: see TargetFinderOptions. A very narrow image gets
-/// no keypoints. Throws std::invalid_argument for an image of another type.
+/// no keypoints. Throws std::invalid_argument if `image` is not 8-bit grey or is empty.
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 
@@ -39,8 +39,8 @@ void shrink(const TargetPicture& picture, const cv::Size& size, cv::Interpolatio
             cv::Mat& small);
 
 Eigen::Vector2d middleOf(const cv::Size& image);
-/// Width and height of an image after it was mapped by the homography, px. Uses the scale of the
-/// homography at the middle of the image.
+/// Returns the width and height, px, of an image after the homography has mapped it, computed from
+/// the scale of the homography at the middle of the image.
 cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image);
 
 /// The map from the user's image to `picture.image`, px.

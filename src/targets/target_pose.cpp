@@ -18,7 +18,7 @@ namespace {
 // chi-square with two degrees of freedom).
 constexpr double kMostMisfit = 9.21;
 
-/// Chooses points of which any two are at least `apart` px from each other, in x or in y. Returns
+/// Chooses points so that any two of them are at least `apart` px apart, in x or in y. Returns
 /// their indices.
 std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
   std::vector<std::size_t> chosen;
@@ -136,9 +136,9 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
   // The readout time is unknown, so the covariance of `found` also allows for a distortion by the
-  // shutter. Then the fit of the pose attributes large errors to the shutter, and may find no pose.
-  // So if the errors are larger than the covariance explains, the noise is enlarged and the pose is
-  // fitted again.
+  // shutter. With this covariance, the fit of the pose attributes large errors to the shutter, and
+  // may find no pose. So if the errors are larger than the covariance explains, we enlarge the
+  // noise and fit the pose again.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

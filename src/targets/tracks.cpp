@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
-/// A new track that begins with the detection; its instance number is not set yet.
+/// Returns a new track that begins with the detection; its instance number is not set yet.
 Track trackOf(const FoundTarget& found, TargetStore& store) {
   const cv::Size size = store.picture(found.picture).image.size();
   Track track;

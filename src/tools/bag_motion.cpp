@@ -76,11 +76,11 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
 constexpr double kWentBack = 1.0;
 
 /// Returns true if the clock was set back before the message at `place`: all messages before it
-/// have later stamps than all messages from it on. A single wrong stamp, or one publisher whose
-/// stamps are in the future, does not count as a restart.
+/// have later stamps, by more than kWentBack, than all messages from it on. A single wrong stamp,
+/// or one publisher whose stamps are in the future, does not count as a restart.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
-  // At most this many messages before `place` and after it are compared.
+  // Compare at most this many messages before `place` with at most this many from `place` on.
   constexpr std::size_t kAround = 100;
   constexpr std::size_t kLeast = 5;
   if (place < kLeast || place + kLeast > messages.size()) return false;

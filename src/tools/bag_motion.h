@@ -32,8 +32,8 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// calibration, ranges, Imu messages and transforms in the bag.
 class BagMotion {
  public:
-  /// If `options.path` is empty, this class does nothing. `camera`, if given, is used instead of
-  /// the bag's camera_info. Throws UnusableBag if there is neither `camera` nor a camera_info.
+  /// If `options.path` is empty, this class does nothing. Uses `camera`, if given, instead of the
+  /// bag's camera_info. Throws UnusableBag if there is neither `camera` nor a camera_info.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic,
             const std::optional<sensor_msgs::CameraInfo>& camera);
 

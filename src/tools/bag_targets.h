@@ -39,7 +39,7 @@ class BagTargets {
  public:
   /// If `input.path` is empty, no targets are loaded and find() always returns null. Prints every
   /// refused target, with the reason, to the standard error. Throws std::invalid_argument for an
-  /// unusable list, and FileError if none of its targets can be used. `camera`, if given, is used
+  /// unusable list, and FileError if none of its targets can be used. Uses `camera`, if given,
   /// instead of the recording's camera_info.
   BagTargets(const TargetsInput& input, const std::string& recording,
              const std::string& image_topic, const std::optional<sensor_msgs::CameraInfo>& camera);

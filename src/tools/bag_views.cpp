@@ -84,8 +84,8 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
 
 namespace {
 
-/// The image that the homographies refer to: if there is a lens for this image size, its distortion
-/// is removed.
+/// Returns the image that the homographies refer to: without lens distortion if `options` has a
+/// lens for this image size, otherwise unchanged.
 cv::Mat pictureOf(const sensor_msgs::ImageConstPtr& image, const ViewOptions& options) {
   cv::Mat picture = colourImage(image);
   if (!options.lens || options.lens->calibration().image_size != picture.size()) return picture;

@@ -54,8 +54,8 @@ void completeViewOptions(const CLI::App& app, ViewOptions& views);
 /// Opens the recording again, from its beginning.
 using Reopen = std::function<std::unique_ptr<ImageSource>()>;
 
-/// Writes the steady video of a recording. For the path over the whole recording, the images are
-/// read twice: the path can be computed only when all motions are known.
+/// Writes the steady video of a recording. For the path over the whole recording, reads the images
+/// twice, because it can compute this path only when all motions are known.
 class SteadyVideo {
  public:
   SteadyVideo(const ViewOptions& options, Reopen reopen, files::Outputs& outputs);

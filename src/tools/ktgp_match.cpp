@@ -99,7 +99,7 @@ Outcome run(Arguments& arguments) {
   return outcome;
 }
 
-/// A row with the cells of a match up to `level`.
+/// A row of the table, with the columns that every match has. `level`: text for the column `level`.
 files::CsvRow rowOf(const PairMatch& pair, const Correspondence& match, const char* level) {
   const auto r = static_cast<std::size_t>(match.reference_index);
   const auto t = static_cast<std::size_t>(match.target_index);

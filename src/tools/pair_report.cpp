@@ -22,7 +22,7 @@ using nlohmann::json;
 /// the largest error of a correct match.
 constexpr double kUncertainCorner = 3.0;
 
-/// Says why a stage has no numbers; empty if the stage ran.
+/// Returns the reason why a stage has no numbers; empty if the stage ran.
 const char* whyNotRun(const StageResult& stage, const MatcherOptions& options) {
   if (stage.id == StageId::gms && !options.gms.enabled) return "off";
   return stage.id >= StageId::prosac && stage.milliseconds == 0.0 ? "not needed" : "";
@@ -147,8 +147,8 @@ double areaOf(const std::vector<cv::Point2f>& points) {
   return cv::contourArea(hull);
 }
 
-/// Says why the homography is uncertain: few inliers, inliers in only a part of the image, a scene
-/// that is not flat, or inliers with large errors.
+/// Explains why the homography is uncertain: few inliers, inliers in only a part of the image, a
+/// scene that is not flat, or inliers with large errors.
 std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& corners) {
   constexpr std::size_t kFew = 50;
   constexpr double kPart = 0.5;
@@ -181,7 +181,7 @@ std::string causeOf(const Outcome& outcome, const std::vector<Eigen::Vector2d>& 
   return util::joined(causes, ", ");
 }
 
-/// Says why nothing was found, and what the user can try.
+/// Explains why nothing was found, and suggests what the user can try.
 std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.pair.match.status == Status::too_few_features) {
@@ -218,7 +218,7 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
                 pose.rotation(row, 2), pose.translation[row]);
   }
   if (!covariance.allFinite()) return;
-  // Converts rad to degrees. The traces below sum the variances of all axes.
+  // Factor from rad to degrees. Each trace below sums the variances of the three axes.
   const double degrees = 180.0 / CV_PI;
   const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   std::printf("standard deviation: rotation %.3f degrees, direction %s\n",

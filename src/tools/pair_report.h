@@ -22,7 +22,7 @@ struct Outcome {
   std::array<metrics::ErrorSummary, 4> distances;  ///< descriptor distances
   /// Errors of the matches with respect to `truth`, px; empty if the true homography is unknown.
   std::array<std::vector<double>, 4> errors;
-  std::vector<double> guided_errors;  ///< errors of the guided matches, likewise
+  std::vector<double> guided_errors;  ///< the same for the guided matches
   std::optional<Eigen::Matrix3d> truth;
 };
 

@@ -304,7 +304,9 @@ void SampsonProblem::linearise(const Epipolar& g, estimation::RobustWeights& wei
 /// behind a camera: it is wrong, and a wrong pair near its epipolar line has a large parallax and
 /// thus much influence on the fit. Keeps a pair whose rays are parallel within their errors.
 std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::size_t most) {
-  constexpr double kBehind = 3.0;  // in units of scale()
+  // If distance() of a pair exceeds this multiple of scale() (and `reach`), its point counts as
+  // behind a camera.
+  constexpr double kBehind = 3.0;
   const EpipolarPairs& pairs = *problem_.pairs;
   markNear(pairs, geometry, reach, near_);
   const std::size_t size = pairs.size();
@@ -341,7 +343,8 @@ bool EpipolarFit::step(double reach, Epipolar& geometry) {
 }
 
 bool EpipolarFit::minimise(Epipolar& geometry) {
-  constexpr double kReach = 2.0;  // in units of the limit for inliers
+  // Pairs with an error above this multiple of the limit for inliers are left out.
+  constexpr double kReach = 2.0;
   constexpr int kMostRounds = 6;
   const EpipolarPairs& pairs = *problem_.pairs;
   const auto freedom = static_cast<std::size_t>(pairs.freedom());
@@ -352,7 +355,8 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
     if (round > 0 && near_ == used_) break;
     fit_.weights().reset(n, 1, freedom);
     std::swap(near_, used_);
-    // If a step fails only because of rounding, the fit has converged.
+    // If the fit ends because rounding errors spoil a step, it has converged; the bread is then
+    // finite.
     if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined &&
         !estimation::breadOf(fit_.sums()).allFinite()) {
       return false;

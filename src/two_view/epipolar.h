@@ -95,8 +95,8 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 
-/// The Sampson distances of selected pairs, divided by the relative standard deviations of the
-/// pairs, for estimation::RobustFit.
+/// The problem that estimation::RobustFit solves. The residuals are the Sampson distances of the
+/// selected pairs, divided by the relative standard deviations of the pairs.
 struct SampsonProblem {
   using State = Epipolar;
 
@@ -116,8 +116,8 @@ struct SampsonProblem {
                   Eigen::RowVector4d* by_points) const;
 };
 
-/// The fit of an epipolar geometry: maximum likelihood for Sampson distances with Student's t
-/// distribution, on the manifold of Epipolar. Keeps its buffers.
+/// Fits an epipolar geometry by maximum likelihood, on the manifold of Epipolar. The Sampson
+/// distances are assumed to have Student's t distribution. Reuses its buffers from call to call.
 class EpipolarFit {
  public:
   /// Keeps a pointer to `pairs`, which must be sorted by quality, best first.

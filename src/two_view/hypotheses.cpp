@@ -109,8 +109,8 @@ void Hypotheses::prefer(const std::vector<RelativePose>& motions) {
   for (Hypothesis& h : list_) h.probability /= all;
 }
 
-/// The epipolar lines are the same for both signs of the translation; only the chirality differs.
-/// So both signs of each fitted motion are judged.
+/// Adds each fitted motion to the list with both signs of its translation, because the epipolar
+/// lines are the same for both signs; only the chirality differs.
 void Hypotheses::refine() {
   constexpr std::size_t kMost = 4;  // maximum number of fits
   // A start is not fitted if its cost is more than this multiple of the lowest cost.
@@ -137,12 +137,15 @@ void Hypotheses::refine() {
 }
 
 double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
-  // If a single cell makes the whole difference, the difference counts as this much; the less
-  // likely motion then keeps a probability of 0.27.
+  // If the whole difference comes from a single cell, the difference is limited to this value; the
+  // less likely motion then keeps a probability of 0.27.
   constexpr double kMostOfACell = 1.0;
-  // Noise of three deviations can change the difference of the gains by this much.
+  // A pair on the plane is left out if its two gains differ by less than this. Noise of three
+  // standard deviations can cause such a difference.
   constexpr double kIndifferent = 3.0;
-  constexpr double kOnPlane = 4.5;  // standard deviations; noise exceeds this in 1 of 25 000 pairs
+  // A pair that is nearer to the plane than this many standard deviations is on the plane; noise
+  // exceeds this limit in 1 of 25 000 pairs.
+  constexpr double kOnPlane = 4.5;
   cells_.assign(homography::PointArrays<double>::kCells, 0.0);
   double sum = 0.0;
   double independent = 0.0;

@@ -44,7 +44,8 @@ class Hypotheses {
   /// starts. Before that, chooses the sign of its translation so that most points are in front of
   /// the cameras.
   void start(const RelativePose& motion);
-  /// Fits the best starts. Then the list holds the fitted motions, each only once, best first.
+  /// Fits the best starts. Then the list holds the fitted motions with both signs of the
+  /// translation, each only once, best first.
   void refine();
   /// Replaces the list by `motions`, without refining them. If `motions` does not contain the best
   /// motion of the old list, this motion stays as a rival. It gets at most the probability of the
@@ -52,7 +53,8 @@ class Hypotheses {
   void prefer(const std::vector<RelativePose>& motions);
   void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }
-  /// Effective difference of the log-likelihoods of two motions; positive if `a` is better.
+  /// Difference of the log-likelihoods of two motions, reduced as the comment of the class
+  /// explains; positive if `a` is better.
   double difference(const Hypothesis& a, const Hypothesis& b) const;
 
  private:
@@ -64,7 +66,7 @@ class Hypotheses {
   EpipolarFit fit_;
   double range_ = 1.0;
   double scale_ = 1.0;  // scale of Student's t distribution, normalised units
-  // Share of right pairs among the precise pairs [0] and among the others [1].
+  // Share of right pairs among the precise pairs (precision >= 1) [0] and among the others [1].
   double share_[2] = {0.5, 0.5};
   std::vector<std::size_t> cell_;  // cell of each pair
   std::vector<double> off_plane_;  // distance of each pair from the plane, times its precision

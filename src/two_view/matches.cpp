@@ -57,7 +57,7 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
   }
 }
 
-/// Aligns the pairs. Aligned pairs come first in the order of PROSAC, because they are more
+/// Aligns the pairs, and moves aligned pairs to the front of PROSAC's order, because they are more
 /// accurate.
 void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
                                  TwoViewMatches& result) {

@@ -118,7 +118,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
                       const Eigen::Matrix3d& homography, std::size_t inliers, double max_error,
                       const std::vector<double>* deviations) {
   constexpr int kRounds = 3;
-  constexpr double kReach = 2.0;  // in units of `max_error`
+  constexpr double kReach = 2.0;  // as a multiple of max_error; worse pairs are left out
   estimation::FitRules rules;
   rules.longest = 1.0;       // rad
   rules.least_scale = 1e-4;  // px
@@ -151,7 +151,7 @@ bool RotationFit::fit(const PointPairs& pairs, const Cameras& cameras,
 }
 
 Eigen::Matrix3d RotationFit::covariance(const SharedShifts& shared, double unseen) const {
-  // An undetected translation shifts all points in the same way, which looks like a turn.
+  // An undetected translation shifts all points in the same way, as a rotation does.
   const Eigen::Matrix2d moved = unseen * Eigen::Matrix2d::Identity();
   const Eigen::Matrix3d h = problem_.cameras->homographyOf(rotation_);
   SharedShifts::Columns<3> by_shared = SharedShifts::Columns<3>::Zero();

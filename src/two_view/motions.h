@@ -43,7 +43,8 @@ Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
                                              const Eigen::Matrix3d& homography,
                                              const SharedShifts& shared);
 
-/// Reprojection errors of a camera that only turned, for estimation::RobustFit.
+/// The problem that estimation::RobustFit solves: find the rotation of a camera that only turned.
+/// The residuals are reprojection errors.
 struct RotationProblem {
   using State = Eigen::Matrix3d;
   static constexpr int kResiduals = 2;
@@ -65,7 +66,8 @@ struct RotationProblem {
   }
 };
 
-/// Fits the rotation of a camera that only turned, by maximum likelihood. Keeps its buffers.
+/// Fits the rotation of a camera that only turned, by maximum likelihood. Reuses its buffers from
+/// call to call.
 class RotationFit {
  public:
   /// Fits the rotation to the pairs that agree with it; starts from `homography`. Returns false if
@@ -91,7 +93,8 @@ class RotationFit {
 };
 
 /// Returns the rotation that maps the reference rays of the best pairs to their target rays, as if
-/// the camera had only turned: least squares with the weights of the Cauchy distribution.
+/// the camera had only turned. This is a least-squares fit with the weights of the Cauchy
+/// distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 }  // namespace ktgp_orb::two_view

@@ -25,10 +25,10 @@ bool SharedErrors::operator==(const SharedErrors& other) const {
 namespace two_view {
 namespace {
 
-/// Largest standard deviation of how far a point moves while an image is read, as a share of the
-/// image's rows. A faster movement blurs the image. For comparison: if a camera with a focal length
-/// of 500 px and 480 rows pitches at 60 deg/s and is read in 30 ms, the points move 1.6 times as
-/// far.
+/// Upper limit of the standard deviation of a point's movement during the readout of an image, as a
+/// share of the image's rows. A faster movement would blur the image. For comparison: if a camera
+/// with a focal length of 500 px and 480 rows pitches at 60 deg/s and is read out in 30 ms, the
+/// points move 1.6 times as far as this limit.
 constexpr double kMostRead = 0.02;
 
 }  // namespace
@@ -79,7 +79,7 @@ SharedShifts::Columns<4> SharedShifts::at(const Eigen::Vector2d& reference,
       deviations_.focal * target_.fromCentre(target);
   shifts.block<2, 1>(2, 7) = deviations_.zoom * target_.fromCentre(target);
   if (deviations_.readout > 0.0) {
-    // The parallax is the part of the displacement that the turn does not explain.
+    // The parallax is the part of the displacement that the camera's rotation does not explain.
     const Eigen::Vector2d parallax = target - (turned_ * reference.homogeneous()).hnormalized();
     const double most = kMostRead * target_.rows;
     const double share = std::min(deviations_.readout, most / std::max(parallax.norm(), 1e-9));

@@ -14,10 +14,10 @@ namespace ktgp_orb::two_view {
 /// with respect to the points.
 class SharedShifts {
  public:
-  /// Number of errors. 0 to 2: shift of the target points along x, proportional to x, proportional
-  /// to y, and constant, where x and y are the normalised position in the target; 3 to 5: the same
-  /// along y; 6: focal length of both cameras; 7: zoom between the images; 8: readout of a rolling
-  /// shutter.
+  /// Number of shared errors. Columns 0 to 2: shift of the target points along x, proportional to
+  /// x, proportional to y, and constant, where x and y are the normalised position in the target; 3
+  /// to 5: the same along y; 6: focal length of both cameras; 7: zoom between the images; 8:
+  /// readout of a rolling shutter.
   static constexpr int kErrors = 9;
   template <int kRows>
   using Columns = Eigen::Matrix<double, kRows, kErrors>;
@@ -52,9 +52,9 @@ class SharedShifts {
     Eigen::Vector2d fromCentre(const Eigen::Vector2d& point) const {
       return point - camera.topRightCorner<2, 1>();
     }
-    /// Returns the shift of `point`, px, because its row is read earlier or later than the row of
-    /// the principal point. `velocity`: how far the point moves during the readout without the
-    /// turn, px.
+    /// Returns how far `point` is shifted, px, because its row is read earlier or later than the
+    /// row of the principal point. `velocity`: how far the point moves during the readout, px,
+    /// apart from its movement due to the camera's rotation.
     Eigen::Vector2d read(const Eigen::Vector2d& point, const Eigen::Vector2d& velocity) const;
   };
 
@@ -62,7 +62,8 @@ class SharedShifts {
   homography::Normalisation linear_;  // normalises the target points
   Image reference_;
   Image target_;
-  Eigen::Matrix3d turned_ = Eigen::Matrix3d::Identity();  // homography of the turn
+  // Homography of the rotation given to with(); it maps reference points to the target.
+  Eigen::Matrix3d turned_ = Eigen::Matrix3d::Identity();
 };
 
 }  // namespace ktgp_orb::two_view

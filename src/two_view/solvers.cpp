@@ -38,9 +38,10 @@ double rootBetween(const double* c, std::size_t degree, double low, double high,
   return z;
 }
 
-/// Real roots of a polynomial in [-1, 1], ascending. Between neighbouring roots of its derivative,
-/// it has at most one root. So the derivatives' roots only separate its roots and need not be
-/// exact. After a Newton step below 1e-8, only rounding errors remain.
+/// Real roots of a polynomial in [-1, 1], ascending. Between two neighbouring roots of its
+/// derivative, a polynomial has at most one root. We need the roots of the derivatives only as the
+/// bounds of these intervals, so they need not be exact. After a Newton step below 1e-8, only
+/// rounding errors remain.
 template <std::size_t Degree>
 std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
                         std::array<double, Degree>& roots) {

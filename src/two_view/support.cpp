@@ -9,8 +9,8 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-/// Finds the cell of each point. `apart`: side of a cell; larger if an axis would have over 1024
-/// cells.
+/// Finds the cell of each point. `apart`: side of a cell; the cells are larger if an axis would
+/// otherwise have more than 1024 cells.
 void numberCells(const std::vector<Eigen::Vector2d>& points, double apart,
                  std::vector<std::uint32_t>& cell, std::vector<std::uint8_t>& taken) {
   constexpr double kMost = 1024.0;

@@ -186,10 +186,10 @@ bool TwoViewEstimator::Impl::findEpipolar(const PointPairs& pairs, const TwoView
   return fit.minimise(epipolar);
 }
 
-/// With little parallax, a wrong direction of the translation agrees with most pairs if the
-/// rotation makes up for it. Sampling stops at such a motion, and the fit cannot leave it. On a
-/// plane, the second motion of its homography agrees, too. So the fit also starts from other
-/// motions.
+/// Adds other motions from which the fit starts. With little parallax, a wrong direction of the
+/// translation agrees with most pairs if the rotation makes up for it. Sampling may stop at such a
+/// motion, and the fit cannot leave it. On a plane, the second motion that the homography allows
+/// also agrees.
 void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoViewInput& input) {
   static const Eigen::Vector3d directions[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
                                                {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
@@ -247,8 +247,11 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
 }
 
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  constexpr double kLeastDistance = 0.5;  // px; otherwise exact points make any model significant
-  constexpr double kLeastParallax = 0.2;  // px; lens and shutter distort images by this much
+  // Lower limits of the distances from the epipolar line, px: without the first, exact points would
+  // make any model significant; the second is there because lens and shutter distort images by
+  // about 0.2 px.
+  constexpr double kLeastDistance = 0.5;
+  constexpr double kLeastParallax = 0.2;
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
   const double diagonal = diagonalOf(input);
@@ -294,15 +297,15 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
 }
 
 /// Returns true if noise and shared errors explain the difference between the homography and the
-/// homography of the fitted turn. Then a pure rotation is reported, and the translation that the
-/// homography implies is ignored.
+/// homography of the fitted rotation (`turn`). Then a pure rotation is reported, and the
+/// translation that the homography implies is ignored.
 bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs, const TwoViewInput& input) const {
   // Twice the 99.9 % quantile of chi² with five degrees of freedom. The factor of two is needed
   // because the shared errors are linearised: if the focal length is wrong by 3 %, for example,
   // hundredths of a pixel remain unexplained.
   constexpr double kBound = 2.0 * 20.515;
-  // Errors of a poor calibration, as multiples of options.shared_errors. For example, K may be the
-  // K that a phone reports, or come from a data sheet.
+  // Errors of a poor calibration, as multiples of options.shared_errors: K may come from a data
+  // sheet or from the software of a phone, for example.
   constexpr double kPoorLinear = 10.0;
   constexpr double kPoorFocal = 3.0;
   if (!cameras || !std::isfinite(log_rotation)) return false;
@@ -370,7 +373,7 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
   constexpr std::size_t kFew = 8;      // minimum number of precise pairs that disagree
-  constexpr double kOpenTurn = 0.2;    // rad; limit of the deviation added to the rotation
+  constexpr double kOpenTurn = 0.2;    // rad; largest standard deviation added to the rotation
   constexpr double kOpenAcross = 1.0;  // rad; the same for the direction of the translation
   if (!cameras || input.deviations == nullptr) return;
   std::size_t precise = 0;
@@ -399,8 +402,8 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
 double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
                                           const std::vector<double>& deviations,
                                           const TwoView& result) {
-  // Converts a Sampson distance to a reprojection error. The Sampson distance splits an error
-  // between both images, and does not contain the part along the epipolar line.
+  // Approximate ratio of a reprojection error to the Sampson distance. The Sampson distance splits
+  // an error between both images, and does not contain the part along the epipolar line.
   constexpr double kOfSampson = 2.0;
   const bool is_epipolar = result.geometry == Geometry::epipolar;
   values.clear();
@@ -445,7 +448,7 @@ Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
   covariance.bottomRightCorner<3, 3>() = turn.covariance(shared.with(turn.rotation()), unseen);
   covariance.topLeftCorner<3, 3>().diagonal().setConstant(
       std::pow(unseen / cameras->target(0, 0), 2));
-  // A zoom looks like a translation along the axis.
+  // A zoom looks like a translation along the optical axis.
   covariance(2, 2) += std::pow(options.shared_errors.zoom, 2);
   return covariance;
 }
@@ -516,14 +519,15 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   return Covariance6::Constant(kNaN);
 }
 
-/// Sets the likeliest motion, and as `result.other` the next likeliest motion that has a
-/// probability above kExcluded and clearly differs (kApart). The covariance covers all such
+/// Sets `result` to the likeliest motion, and `result.other` to the next likeliest motion that has
+/// a probability above kExcluded and clearly differs (kApart). The covariance covers all such
 /// motions. Returns false if the pairs do not determine the likeliest motion.
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
-  constexpr double kLeast = 0.2;  // minimum weight of another motion: probabilities are not exact
-  // Squared distance of two motions, in standard deviations; nearer motions count as equal.
+  // Minimum weight of another motion in the covariance, because the probabilities are not exact.
+  constexpr double kLeast = 0.2;
+  // Motions count as equal if their squared distance, in standard deviations, is below this.
   constexpr double kApart = 25.0;
   const auto& list = hypotheses.list();
   const RelativePose& best = list.front().geometry.motion;
@@ -547,9 +551,9 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const Covariance6 its = covarianceOf(pose, pairs, input);
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
-    // The length of `step` is the angle between the two translations. Their difference, projected
-    // across `best`, is only as long as the sine of this angle. Also add the gap between these two
-    // lengths.
+    // The length of `step` is the angle between the two translations. The component of their
+    // difference that is orthogonal to best.translation is only as long as the sine of this angle.
+    // So we also add the difference between angle and sine.
     const double angle = step.head<3>().norm();
     const Eigen::Vector3d sideways = (1.0 - std::sin(angle) / angle) * step.head<3>();
     if (angle > 0.0) {
@@ -627,7 +631,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   return true;
 }
 
-/// Returns the reason why, in a scene with depth, another motion is nearly as likely.
+/// For a scene with depth: returns the reason why another motion is nearly as likely.
 Doubt TwoViewEstimator::Impl::doubtOf(const TwoView& result) const {
   constexpr double kSmallParallax = 1.0;  // degrees; below this, ORB-SLAM does not start a map
   if (result.parallax < kSmallParallax) return Doubt::small_parallax;

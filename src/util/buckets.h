@@ -7,7 +7,7 @@
 namespace ktgp_orb::util {
 
 /// Sorts the numbers 0 .. n - 1 into buckets (a counting sort). Within a bucket, the numbers stay
-/// ascending. The memory is used again by the next sort.
+/// ascending. The next sort uses the same memory.
 class Buckets {
  public:
   /// Sorts the numbers 0 .. count - 1. `bucket_of(i)`: returns the bucket of number i, in [0,

@@ -20,7 +20,7 @@ void requireK(std::string_view name, const Matrix& k, const cv::Size& image) {
   // A lens with a shorter focal length cannot show straight lines as straight.
   constexpr double kLeast = 0.15;
   constexpr double kMost = 50.0;  // more than the telephoto lens of any camera has
-  constexpr double kAny = 1e12;   // px
+  constexpr double kAny = 1e12;   // px; upper limit if the image size is unknown
   for (int i = 0; i < 9; ++i) {
     if (std::isfinite(k(i / 3, i % 3))) continue;
     throw std::invalid_argument(std::string(name) + " has an entry that is not finite");

@@ -11,8 +11,8 @@
 namespace ktgp_orb::util {
 
 /// Sorts points into square cells, so that the points near a position are found fast. A point
-/// outside the image is put into the nearest cell; a NaN coordinate counts as 0. The memory is used
-/// again by the next build().
+/// outside the image is put into the nearest cell; a NaN coordinate counts as 0. The next build()
+/// uses the same memory.
 class CellGrid {
  public:
   /// Sorts `count` points into cells. `point(i)`: returns the position of point i, px. `side`: side
@@ -36,9 +36,10 @@ class CellGrid {
   /// cell.
   const std::vector<std::int32_t>& order() const { return points_.order(); }
 
-  /// Visits the cells that intersect the square around (x, y) with half side `radius`. In each row
-  /// of cells, these cells are neighbours, so their points follow each other in order(). Calls
-  /// visit(begin, end) with this range of order(), once for each row.
+  /// Visits the points in the cells that intersect the square around (x, y) with half side
+  /// `radius`. In each row of cells, these cells are neighbours, so their points follow each other
+  /// in order(). Calls visit(begin, end) once for each row, with the range of these points in
+  /// order().
   template <typename Visit>
   void visitRuns(double x, double y, double radius, Visit visit) const {
     const int left = column(x - radius);

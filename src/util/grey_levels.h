@@ -7,8 +7,8 @@ namespace ktgp_orb::util {
 /// How 16-bit grey values are converted to 8 bits. Cameras store values of 10, 12 or 14 bits in 16
 /// bits; thermal cameras use only a few hundred values.
 enum class GreyStretch {
-  /// Maps the values between the darkest and the brightest pixel of each frame to 0..255. At each
-  /// end, 0.1 % of the pixels are ignored, because they may be hot pixels.
+  /// Maps the values between the darkest and the brightest pixel of each frame to 0..255. Ignores
+  /// the darkest and the brightest 0.1 % of the pixels, because they may be hot pixels.
   percentile,
   /// Maps the range 0..65535 to 0..255 in every frame, so that the brightness of different frames
   /// can be compared.

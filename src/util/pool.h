@@ -11,10 +11,11 @@ namespace ktgp_orb::util {
 /// Hands out objects as shared pointers. When the last shared pointer is destroyed, the object
 /// returns to the pool and keeps its memory for the next user.
 ///
-/// A shared_ptr frees its control block when no pointer to it exists any more. Here the control
-/// block is stored beside the object, so it needs no memory of its own, and the call that frees it
-/// tells the pool that the object can be used again. The pool's mutex makes everything that the
-/// last user did with the object visible to the next user; use_count() would not guarantee this.
+/// The control block of a shared_ptr is freed when no shared or weak pointer to the object is left.
+/// Here the control block is stored beside the object, so it needs no memory of its own, and the
+/// call that frees it tells the pool that the object can be used again. The pool's mutex makes
+/// everything that the last user did with the object visible to the next user; use_count() would
+/// not guarantee this.
 template <typename T>
 class Pool {
  public:

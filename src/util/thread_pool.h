@@ -33,8 +33,8 @@ class ThreadPool {
   }
 
  private:
-  /// A loop over a function of any type. A void pointer refers to the function, so that, unlike
-  /// with std::function, no heap memory is needed.
+  /// A loop over a function of any type. We store the function as a void pointer, because
+  /// std::function may need heap memory.
   struct Loop {
     void (*call)(const void* function, int i);
     const void* function;

@@ -18,7 +18,7 @@ namespace {
 using alignment::bestAlignmentKernels;
 
 constexpr std::size_t kFewest = 12;  // minimum number of aligned points for an estimate
-constexpr double kReach = 4.0;       // largest distance of a patch from where H predicts it, px
+constexpr double kReach = 4.0;       // px; a patch may be at most this far from where H predicts it
 
 /// The counter in AlignmentResult for each PatchOutcome, in the order of the enumerators. Aligned
 /// points have no counter, because they are in `points`.
@@ -40,8 +40,8 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
 }
 
 /// Returns the uncertainty of the homography, px: the largest standard deviation at the image
-/// corners. It is computed for the corners of the reference mapped to the target, and for these
-/// points mapped back to the reference; the smaller result is returned.
+/// corners. Computes it for the corners of the reference mapped to the target, and for these points
+/// mapped back to the reference, and returns the smaller result.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});

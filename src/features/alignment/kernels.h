@@ -19,8 +19,8 @@ constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
 
-/// The samples (row, column) of a patch lie on a slanted grid. These are the position of its first
-/// sample, relative to a given pixel, and its steps, all in units of 1/65536 px.
+/// The slanted grid on which a patch is sampled: the position of sample (0, 0), relative to a given
+/// pixel, and the steps to the next column and to the next row, all in units of 1/65536 px.
 struct AffineWalk {
   std::int32_t x0, y0;              ///< position of sample (0, 0)
   std::int32_t x_column, y_column;  ///< step to the next column
@@ -69,10 +69,10 @@ struct AlignmentKernels {
 };
 
 /// Weights for interpolation at the fraction `f` of a pixel: the weight of the pixel itself (`at`),
-/// of the pixel before, and of the two pixels after. A pattern of waves with a wavelength of six
-/// pixels or more is displaced by less than 0.001 px by this cubic. The cubic of Catmull and Rom
-/// would displace it by up to 0.017 px, always towards whole pixels, so that the errors would add
-/// up from frame to frame if the camera moves slowly.
+/// of the pixel before, and of the two pixels after. This cubic displaces a pattern of waves with a
+/// wavelength of six pixels or more by less than 0.001 px. The cubic of Catmull and Rom would
+/// displace it by up to 0.017 px, always towards whole pixels, so that the errors would add up from
+/// frame to frame if the camera moves slowly.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)

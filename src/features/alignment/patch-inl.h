@@ -129,8 +129,8 @@ void sumProducts(PatchTemplate& patch) {
   patch.yy = yy.total();
 }
 
-// Columns are processed first, then rows, because in the other order, loads would overlap two
-// recent stores and have to wait for both.
+// Processes the columns first, then the rows. In the other order, loads would overlap two recent
+// stores and have to wait for both.
 void prepare(const float* patch, PatchTemplate& out) {
   const hn::CappedTag<float, 8> wide;
   alignas(64) float smooth[kPatchSide][kWarpPitch];

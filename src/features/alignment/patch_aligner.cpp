@@ -147,7 +147,7 @@ constexpr double kHalf = 0.5 * (kPatchSide - 1);
 /// Sums of the products of the derivatives of a patch, without the part of the derivatives that
 /// looks like a change of brightness (gain or bias).
 struct Texture {
-  double sx, sy;  // sx t: part of dx that looks like a change of gain (t: value); sy: for dy
+  double sx, sy;  // sx * value: part of dx that looks like a change of gain; sy: same for dy
   double xx, xy, yy;
   double determinant;
 
@@ -187,9 +187,9 @@ std::optional<Eigen::Vector2i> windowAround(const Eigen::Vector2d& corner, const
   return Eigen::Vector2i(left, top);
 }
 
-/// Offset of the patch from the position where it fits best, computed from the sums at the present
-/// position. Empty if patch and target do not correlate. `correlation` is set to the squared
-/// normalised cross-correlation.
+/// Returns how far the patch is from the position where it fits best, px, computed from the sums at
+/// its present position. Returns nothing if the patch and the target do not correlate. Sets
+/// `correlation` to the squared normalised cross-correlation.
 std::optional<Eigen::Vector2d> offsetBy(const MatchSums& m, const Texture& t, double tt,
                                         double& correlation) {
   constexpr double kCount = kPatchSide * kPatchSide;
@@ -230,8 +230,9 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
                          static_cast<float>(at.y() - y), template_);
     const auto offset = offsetBy(sums, *texture, template_.tt, result.correlation);
     if (!offset) return PatchOutcome::uncorrelated;
-    // If the target is more blurred than the reference, the steps are too short by a constant
-    // factor. They form a geometric series, and two of them determine its sum (Aitken).
+    // If the target is more blurred than the reference, each step covers only the same share of the
+    // remaining distance. The steps then form a geometric series, and two of them determine its sum
+    // (Aitken).
     Eigen::Vector2d move = *offset;
     const double ratio = step > 0 ? move.dot(last_move) / last_move.squaredNorm() : 0.0;
     last_move = move;

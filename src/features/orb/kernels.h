@@ -48,9 +48,9 @@ struct OrbKernels {
   /// from the start of each block on.
   void (*resize_row)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
                      std::uint16_t* out);
-  /// Interpolates between two rows of resize_row, with the weight `weight`/256 for the row below,
-  /// and rounds to the nearest integer, half up. May read 64 values beyond the end of a row and
-  /// write 64 bytes beyond out[count - 1].
+  /// Interpolates between two rows written by resize_row, with the weight `weight`/256 for the row
+  /// below, and rounds to the nearest integer, half up. May read 64 values beyond the end of a row
+  /// and write 64 bytes beyond out[count - 1].
   void (*mix_rows)(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
                    std::uint8_t* out);
 
@@ -80,8 +80,8 @@ struct OrbKernels {
   /// 1]. The order of the values within each group of 64 depends on the set of functions;
   /// blur_across_rows of the same set restores the order.
   void (*blur_along_row)(const std::uint8_t* pixel, int count, float* out);
-  /// Gaussian blur across 2 * kBlurRadius + 1 rows of blur_along_row, top row first; rounds to the
-  /// nearest integer. May read 64 values beyond the end of a row and write 64 bytes beyond
+  /// Gaussian blur across 2 * kBlurRadius + 1 rows written by blur_along_row, top row first; rounds
+  /// to the nearest integer. May read 64 values beyond the end of a row and write 64 bytes beyond
   /// out[count - 1].
   void (*blur_across_rows)(const float* const* rows, int count, std::uint8_t* out);
 

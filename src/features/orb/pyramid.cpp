@@ -27,7 +27,8 @@ std::pair<int, int> tapAt(int i, int source, int target) {
   return {first, cvRound((position - first) * 256)};
 }
 
-// Divides a length by `scale` and rounds it, halves to even. All levels of the pyramid use this.
+// Returns a length divided by `scale`, rounded (halves to even). The sizes of all levels of the
+// pyramid are computed in this way.
 int scaled(int length, float scale) {
   return cvRound(length * (1.f / scale));
 }

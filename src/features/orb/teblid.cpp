@@ -25,8 +25,7 @@ cv::Range rangeInImage(int centre, int radius, int size) {
 std::int32_t boxSum(const cv::Mat& integral, const cv::Range& columns, const cv::Range& rows) {
   const auto* top = integral.ptr<std::uint32_t>(rows.start);
   const auto* bottom = integral.ptr<std::uint32_t>(rows.end);
-  // The sums are unsigned, because they may overflow; the differences of the sums are right
-  // nevertheless.
+  // The sums are unsigned, because they may overflow; the differences of the sums are still right.
   return static_cast<std::int32_t>(top[columns.start] + bottom[columns.end] - top[columns.end] -
                                    bottom[columns.start]);
 }

@@ -93,10 +93,10 @@ struct TeblidScale {
   float keypoint_size;
   int stride;
   /// Offsets in the integral image from the centre pixel of a box to its corners (upper left, upper
-  /// right, lower left, lower right). The index is the box radius given in kTeblidTable.
+  /// right, lower left, lower right). Indexed by the box radius given in kTeblidTable.
   std::array<std::ptrdiff_t, 4> corners[kTeblidRadii + 1];
-  /// A bit is set if the difference of the sums of its two boxes is less than this bound. The index
-  /// is the position of the bit in the descriptor.
+  /// A bit is set if the difference of the sums of its two boxes is less than this bound. Indexed
+  /// by the position of the bit in the descriptor.
   std::int32_t bound[kTeblidBits];
 };
 

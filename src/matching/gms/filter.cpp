@@ -38,10 +38,10 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// Each match is in one cell of each of the four shifted target grids, and in one reference cell.
-// Together these are its four cell pairs. A match survives if, in one of the grids, its cell pair
-// has the most matches of all pairs of the target cell, and the pairs around it support it. We
-// choose the rotation and the scale that keep the most matches.
+// Each match has one reference cell, and one target cell in each of the four shifted target grids.
+// This makes four cell pairs. A match survives if, in one of the grids, its cell pair has the most
+// matches of all pairs of the target cell, and the neighbouring pairs support it. We choose the
+// rotation and the scale that keep the most matches.
 
 /// A match that takes part in the votes.
 struct Match {

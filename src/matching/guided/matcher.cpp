@@ -133,8 +133,8 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
     return homography::keepsPlaneInView(homography::facing(answer.homography), corners);
   };
   if (shows_all(estimate) && !shows_all(candidate)) return false;
-  // The candidate needs at least as many supporters as the old estimate; with by_cell, half as many
-  // are enough.
+  // Reject the candidate if it has fewer supporters than the old estimate or, with by_cell, fewer
+  // than half as many.
   const std::size_t share = by_cell ? 2 : 1;
   if (share * supporters(candidate.homography, threshold) <
       supporters(estimate.homography, threshold)) {

@@ -12,12 +12,12 @@ struct alignas(64) CacheLine {
   std::uint8_t bytes[64];
 };
 
-/// The other direction of the search: collects the nearest query of each candidate. The queries
-/// come in chunks, and each thread has its own collection. At equal distances, the query with the
-/// lower number wins.
+/// Collects the nearest query of each candidate, for the search in the other direction. The queries
+/// come in chunks, and each thread has its own object. At equal distances, the query with the lower
+/// number wins.
 class NearestQueries {
  public:
-  /// Resets all candidates to "no query". `candidates` is a multiple of 32.
+  /// Resets all candidates to "no query". `candidates`: their number, a multiple of 32.
   void reset(int candidates);
 
   /// The keys of the current chunk (see kernel.h), one per candidate.

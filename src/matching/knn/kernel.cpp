@@ -55,7 +55,7 @@ void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
   }
 }
 
-/// The other direction of the search: updates the nearest query of every candidate.
+/// Updates the nearest query of every candidate, for the search in the other direction.
 void addQuery(const Row& distance, int query, std::int16_t* nearest_queries) {
   for (int i = 0; i < kLanes; ++i) {
     const auto key = static_cast<std::int16_t>((distance[i] << kKeyNumberBits) | query);

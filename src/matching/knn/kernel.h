@@ -59,10 +59,11 @@ struct LaneKeys {
 };
 
 // The inner loop of the search near predicted positions. Each instruction set has its own kernel.
-// The candidates of a query lie in a few runs of neighbouring columns (NearRun). Each query has
-// other candidates, only some dozens, which are too few to share rows as above. Lanes have 32 bits
-// here. A vector holds word w of one descriptor per lane; a descriptor has eight words. The arrays
-// x, y and index of the candidates have the same layout. Candidates outside the radius get no key.
+// The candidates of a query lie in a few runs of neighbouring columns (NearRun). Each query has its
+// own candidates, only a few dozen, so queries cannot share rows as above. Lanes have 32 bits here.
+// A vector holds the same word of several descriptors, one in each lane; a descriptor has eight
+// words. The arrays x, y and index of the candidates have the same layout. Candidates outside the
+// radius get no key.
 //
 //   key   distance << kNearIndexBits | index in the frame. Of two keys, the smaller belongs to the
 //         nearer candidate or, at equal distances, to the candidate with the lower index. The

@@ -120,7 +120,7 @@ HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, 
   }
 }
 
-/// The other direction of the search: updates the nearest query of each candidate.
+/// Updates the nearest query of each candidate, for the search in the other direction.
 HWY_INLINE void addQueries(const Words* distances, int first_number,
                            std::int16_t* HWY_RESTRICT nearest_queries) {
   Keys nearest = hn::Load(kKeys, nearest_queries);
