@@ -18,9 +18,9 @@ namespace {
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
 constexpr std::size_t kSearchBlock = 1 << 20;  // bytes read at a time when we search for a record
 constexpr std::size_t kNotedAtMost = 4;        // number of problems that damage() describes
-/// Bytes; we refuse a compressed chunk if it says that its uncompressed data are larger than this,
-/// because a damaged chunk may give any size. rosbag writes chunks below a megabyte unless one
-/// image is larger.
+/// Largest uncompressed size that we accept for a compressed chunk, bytes. The header of a damaged
+/// chunk may contain any size. rosbag writes chunks below a megabyte unless a single image is
+/// larger.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
 /// Largest possible compression ratio of LZ4; a chunk that claims more is damaged.
 constexpr std::size_t kLz4Ratio = 255;

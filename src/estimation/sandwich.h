@@ -46,7 +46,8 @@ class ClusteredMeat {
  public:
   /// `most`: number of clusters; the clusters are numbered from 0.
   void reset(Eigen::Index parameters, std::size_t most);
-  /// Adds a measurement of `cluster`. `pull`: its J' w e.
+  /// Adds a measurement that belongs to `cluster`. `pull`: J' w e of the measurement (see
+  /// NormalEquations).
   void add(std::size_t cluster, const util::SmallRef& pull) { pulls_[cluster] += pull; }
   /// Returns `independent` (see independentMeat) times a factor. The factor is the mean ratio of
   /// meat() to `independent`, but not below 1. A few clusters are enough to estimate this factor,

@@ -29,7 +29,8 @@ std::uint64_t cellOf(const Eigen::Vector2d& p) {
   return (part(p.x()) << 32) | part(p.y());
 }
 
-/// Returns the share of votes of `peak`, computed from the votes minus one standard deviation.
+/// Returns a cautious estimate of peak.share(): subtracts one standard deviation, sqrt(votes), from
+/// the votes first.
 double certainShare(const ShiftVotes::Peak& peak) {
   return std::max(peak.votes - std::sqrt(peak.votes), 0.0) / std::max(peak.seen, 1.0);
 }

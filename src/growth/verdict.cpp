@@ -199,7 +199,8 @@ void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::include(const Decoy& decoy) {
-  // Minimum number of opportunities to divide by; with fewer, a single match would count too much.
+  // A decoy with fewer opportunities than this is treated as if it had this many; otherwise a
+  // single match would count too much.
   constexpr double kFewChances = 5.0;
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));

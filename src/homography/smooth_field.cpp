@@ -131,8 +131,8 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
 /// squared errors. If noise alone could give the measured ratio, we assume that there is no field.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
-  // If few cells are covered, the fit of H absorbs almost as large a share of a field as of noise.
-  // Then the expected ratios for field and noise are too close to tell them apart.
+  // If the pairs cover only a few cells, the fit of H absorbs nearly the whole field. Then the
+  // expected ratios for field and noise are too close to tell them apart.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;

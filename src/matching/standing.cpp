@@ -86,7 +86,8 @@ bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
   // moving matches cover only half of the image, this share is 0.76.
   constexpr double kLeastSpread = 0.75;
   // Maximum distance between the centres of moving and still matches, as a multiple of the spread
-  // of the still matches. Matches in the two halves of an image are 0.9 apart.
+  // of the still matches. If the moving matches fill one half of a 16:9 image and the still matches
+  // the other half, this distance is at least 0.9.
   constexpr double kFarthest = 0.5;
   agreeing_.clear();
   for (std::size_t i = 0; i < mask.size(); ++i) {

@@ -224,8 +224,8 @@ struct Mosaic::Impl {
     const Eigen::Vector2d before = middleInMap(*last);
     Eigen::Vector2d predicted = before;
     if (is_predictable) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
-    // px; a pose so near to its prediction is right. This is half of the shortest period that can
-    // be found in a frame of 400 px.
+    // A pose that is less than this many px from its prediction is taken as right. The value is
+    // half of the shortest period that can be found in a frame of 400 px.
     constexpr double kNoSurprise = 4.0;
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);

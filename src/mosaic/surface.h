@@ -40,7 +40,7 @@ class Surface {
   Surface(const Eigen::Matrix3d& camera, const Eigen::Vector3d& axis);
 
   bool isPlane() const { return period_ == 0.0; }
-  /// Length of a full turn, px; 0 for the plane.
+  /// Circumference of the cylinder, px of the map; 0 for the plane.
   double period() const { return period_; }
   /// Maps a point of the first frame, in homogeneous px, to its place in the map.
   Eigen::Vector2d toMap(const Eigen::Vector3d& point) const;

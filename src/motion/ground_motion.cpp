@@ -156,8 +156,8 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   return place.is_apart;
 }
 
-/// Clears the state after it became infinite or NaN, because it would never recover. The next frame
-/// begins anew.
+/// Clears the state after it became infinite or NaN, because it would never recover. The estimation
+/// starts again with the next frame.
 void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;

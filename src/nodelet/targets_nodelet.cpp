@@ -171,7 +171,7 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
 
   ImageInput* images_ = nullptr;
   Input* camera_info_ = nullptr;
-  TargetBook book_{[this](const auto& use) {  // used only in the long queue, after the start
+  TargetBook book_{[this](const auto& use) {  // after start(), only callbacks in long_queue_ use it
     worker_.ask([&](TargetsWork& work) { work.change(use); });
   }};
   ros::WallTimer load_;

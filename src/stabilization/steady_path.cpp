@@ -42,8 +42,9 @@ constexpr std::size_t kOverlap =
 // already known and do not change any more.
 constexpr std::size_t kKnown = 3;
 
-/// A point of the window (its middle or a corner). For each frame: the lowest and highest allowed
-/// correction of its position and the best one, px.
+/// A point of the window (its middle or a corner). `low`, `high` and `best` contain, for each
+/// frame, the lowest allowed, the highest allowed and the best correction of the point's position,
+/// px.
 struct Track {
   Eigen::Vector2d place;  ///< position without correction, px
   Points low;
@@ -96,7 +97,7 @@ class LinearProgram {
 #ifdef KTGP_ORB_HAVE_CLP
 
 std::vector<double> LinearProgram::solve() const {
-  // Clp needs the matrix in columns, and Eigen stores a sparse matrix in this way.
+  // Clp needs the matrix column by column, which is how Eigen stores sparse matrices.
   Eigen::SparseMatrix<double> matrix(static_cast<int>(right_.size()),
                                      static_cast<int>(cost_.size()));
   matrix.setFromTriplets(terms_.begin(), terms_.end());

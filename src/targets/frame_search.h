@@ -79,7 +79,7 @@ class FrameSearch {
   Seeds seeds_;
   std::int32_t most_votes_ = 0;      // most votes of a seed in the last searchWith()
   PictureSearch whole_;              // searches all features
-  PictureSearch rest_;               // searches the features that are not taken
+  PictureSearch rest_;               // searches only the features that belong to no found instance
   std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
   Features rest_features_;
   std::vector<std::int32_t> rest_numbers_;  // for each of rest_features_, its number in features_

@@ -33,8 +33,8 @@ std::vector<std::string> filesOfTargets(const std::string& path);
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic);
 
-/// Finds flat targets in the images of a bag as the targets nodelet does, but it searches every
-/// image for all targets.
+/// Finds flat targets in the images of a bag, like the targets nodelet. Unlike the nodelet, this
+/// class searches every image for all targets.
 class BagTargets {
  public:
   /// If `input.path` is empty, no targets are loaded and find() always returns null. Prints every

@@ -54,8 +54,8 @@ std::optional<Cameras> camerasOf(const TwoViewInput& input);
 /// Distance of the target point `u` from the epipolar line of the reference point `x`, px. `f`:
 /// fundamental matrix for positions in px.
 double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
-/// Sampson distance of the pair (x, u), px: about how far its two points together are from
-/// positions that agree with `f` exactly.
+/// Sampson distance of the pair (x, u), px. It is approximately sqrt(|dx|² + |du|²), where dx and
+/// du are the smallest shifts of the two points that make the pair agree with `f` exactly.
 double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
 
 /// Limit of the Sampson distance, as a share of the limit of the reprojection error.

@@ -269,9 +269,10 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Evidence for parallax: the displacements from the homography follow the epipolar lines more
-  // closely than displacements with random directions would. Given the homography, two pairs
-  // determine the epipole.
+  // Evidence for parallax: the target points are displaced from the positions that the homography
+  // predicts. If there is parallax, these displacements follow the epipolar lines more closely than
+  // displacements with random directions would. Given the homography, two pairs determine the
+  // epipole.
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;

@@ -33,7 +33,8 @@ struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
   float dy[kPatchSide][kPatchSide];
-  /// Sums over the patch of the products of value (t), derivative by x (x) and derivative by y (y).
+  /// Sums of products over the patch, for example tx = sum of t * x. t: value; x, y: derivatives
+  /// with respect to x and y.
   float tt, tx, ty, xx, xy, yy;
 };
 
