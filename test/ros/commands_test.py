@@ -144,7 +144,7 @@ NOT_RUN = {
     'this is such a clone': ['git clone <this repository> ktgp_orb && cd ktgp_orb'],
     'runs this test': ['scripts/test{, --full, -R robot_}'],
     'another test does: demo, launch_run (with a stand-in for rviz), sliders, recordings, ktgp_evaluate_test': [
-        'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders NODE',
+        'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders {NODE,/camera/matcher}',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
     'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
