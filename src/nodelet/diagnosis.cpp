@@ -145,9 +145,11 @@ void Diagnosis::setState(const std::string& text) {
   state_ = text;
 }
 
-void Diagnosis::setValue(const std::string& name, const std::string& value) {
+void Diagnosis::setValue(std::string_view name, std::string_view value) {
   const Lock lock(mutex_);
-  values_[name] = value;
+  auto found = values_.find(name);
+  if (found == values_.end()) found = values_.emplace(name, "").first;
+  found->second = value;
 }
 
 void Diagnosis::setMaxLatency(double seconds) {

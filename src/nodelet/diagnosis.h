@@ -5,10 +5,12 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <map>
 #include <mutex>
 #include <string>
+#include <string_view>
 
 namespace ktgp_orb {
 
@@ -57,7 +59,7 @@ class Diagnosis {
   /// Sets the text that the work's entry shows while there is no problem, for example "works".
   void setState(const std::string& text);
   /// Sets a value that the work's entry in the diagnostics shows under `name`.
-  void setValue(const std::string& name, const std::string& value);
+  void setValue(std::string_view name, std::string_view value);
   /// Sets the latency above which results are reported as late, s.
   void setMaxLatency(double seconds);
 
@@ -114,7 +116,7 @@ class Diagnosis {
   Problems problems_;
   Problems faults_;
   std::string state_ = "works";
-  std::map<std::string, std::string> values_;
+  std::map<std::string, std::string, std::less<>> values_;
   double max_latency_ = std::numeric_limits<double>::infinity();
   bool listening_ = false;
   bool paused_ = false;
