@@ -39,6 +39,7 @@ cv::Mat skyWith(int stars, int hot, const cv::Point2d& shift, unsigned seed) {
     const double light = bright(sky);
     for (int y = cvRound(at.y) - 5; y <= cvRound(at.y) + 5; ++y) {
       for (int x = cvRound(at.x) - 5; x <= cvRound(at.x) + 5; ++x) {
+        if (!cv::Rect({}, image.size()).contains({x, y})) continue;
         const double square = (x - at.x) * (x - at.x) + (y - at.y) * (y - at.y);
         auto& pixel = image.at<std::uint8_t>(y, x);
         pixel = cv::saturate_cast<std::uint8_t>(pixel + light * std::exp(-square / 2.5));
