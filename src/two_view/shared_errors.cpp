@@ -8,6 +8,11 @@
 
 namespace ktgp_orb {
 
+/// Linear: calibrated cameras of data sets with a known motion have 0.02 to 0.06 px. The others are
+/// assumptions: a calibration is good to 1 % of the focal length, few lenses change by more than
+/// 0.3 % between two images, and many rolling shutters read for a third of the interval. On 179
+/// motions that no constant was chosen from, 95 % are then within the bound of 99.9 %, and 93 %
+/// without the readout (doc/measurements/two_view.md).
 SharedErrors SharedErrors::ofRealCameras() {
   SharedErrors errors;
   errors.linear = 0.05;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -14,6 +15,7 @@
 #include "allocation_counter.h"
 #include "ground_flight.h"
 #include "motion/noise.h"
+#include "motion/rows.h"
 
 namespace ktgp_orb {
 namespace {
@@ -500,6 +502,19 @@ TEST(TwistNoise, TheFirstTwistOfAKeyframeHasTheWholeCovariance) {
   for (int i = 0; i < 5; ++i) {  // and it does not count as noise
     noise.add(twists.next(), twists.covariance, kSeconds, kHeight);
     EXPECT_LT(noise.scaled(twists.covariance)(3, 3), 0.3 * twists.covariance(3, 3));
+  }
+}
+
+TEST(TwistNoise, NoTwistIsSurerThanTheFirstOfItsKeyframe) {
+  Twists twists(10);
+  twists.shares.setConstant(0.1);
+  TwistNoise noise = learned(twists, 600);
+  for (const double first : {0.08, 0.2, 0.8}) {  // of the covariance of the later twists
+    noise.beginKeyframe();
+    noise.add(twists.next(), first * twists.covariance, kSeconds, kHeight);
+    noise.add(twists.next(), twists.covariance, kSeconds, kHeight);
+    const double share = noise.scaled(twists.covariance)(3, 3) / twists.covariance(3, 3);
+    EXPECT_NEAR(share, std::min(std::max(first / kOfFrame, 0.1), 1.0), 0.05) << first;
   }
 }
 
