@@ -22,6 +22,10 @@ ImageStamps::Wrong ImageStamps::wrongWith(const ros::Time& stamp, const ros::Tim
     wrong_ = stamp;
     return Wrong::zero;
   }
+  if (arrival < std::exchange(last_arrival_, arrival) && stamp < last_) {
+    order_ = {};
+    leads_.clear();
+  }
   if (isAhead(stamp, arrival)) {
     wrong_ = stamp;
     return Wrong::ahead;

@@ -207,6 +207,16 @@ TEST(ImageStamps, AnyStampIsComparedWithAnyOther) {
   }
 }
 
+TEST(ImageStamps, StampsThatGoBackWithTheClockAreRight) {
+  ImageStamps stamps;
+  for (int i = 0; i < 90; ++i) {  // a recording of one second, played three times with --clock
+    const ros::Time stamp(1000.0 + (i % 30) / 30.0);
+    EXPECT_EQ(stamps.wrongWith(stamp, stamp + ros::Duration(0.02)), Wrong::nothing) << i;
+  }
+  // The clock goes on, so this stamp is wrong.
+  EXPECT_EQ(stamps.wrongWith(ros::Time(1000.2), ros::Time(1001.02)), Wrong::back);
+}
+
 TEST(ImageStamps, AClockThatWasSetCostsOneImage) {
   ImageStamps stamps;
   int refused = 0;

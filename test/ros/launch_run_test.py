@@ -2,6 +2,7 @@
 problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
 import faulthandler
+import importlib.machinery
 import os
 import re
 import signal
@@ -16,13 +17,14 @@ import rosbag
 import rosgraph
 import rospy
 from geometry_msgs.msg import TransformStamped
-from ktgp_orb.msg import HomographyStamped, MatchStatus
+from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_testing import TIMEOUT, FolderCase, Program, free_port, image_message, own_master, view, wait_until
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 FRAMES = 12
+sys.dont_write_bytecode = True
 FIRST = 1500000000.0  # s, of the recording
 STALE = '/camera/matcher/homography'  # a result of the time of the recording
 
@@ -259,9 +261,21 @@ class LaunchRunTest(FolderCase):
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
         # Of the bag itself only the images were played.
         self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
+        lost = 'images have no results, because the matcher was busy'
+        self.assertEqual(lost in output, len(stamps) < FRAMES, output)
         self.check_sim_time()
         again = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false')
         self.assertIn('out.bag exists; nothing is overwritten', again.wait())
+
+    def test_images_without_results_are_counted(self):
+        loader = importlib.machinery.SourceFileLoader('play_bag', os.path.join(PACKAGE, 'scripts', 'play_bag'))
+        play_bag = loader.load_module()
+        with rosbag.Bag(self.path('lossy.bag'), 'w') as bag:
+            for dropped, lost in ((0, 0), (2, 0), (2, 1)):
+                bag.write('/left/matcher/statistics', MatchStatistics(dropped_frames=dropped, lost_frames=lost))
+            bag.write('/right/matcher/statistics', MatchStatistics(dropped_frames=9))
+        self.assertEqual(play_bag.frames_without_results(self.path('lossy.bag'), '/left/matcher'), 3)
+        self.assertEqual(play_bag.frames_without_results(self.path('lossy.bag'), '/other/matcher'), 0)
 
     def test_a_wrong_topic_is_reported_with_the_existing_ones(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'topic:=/other/image', 'rviz:=false')
