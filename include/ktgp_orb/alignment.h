@@ -73,12 +73,12 @@ struct AlignmentResult {
 /// at this keypoint. Inverse-compositional least squares (Baker & Matthews, IJCV 2004) find the
 /// translation that brings the patch onto the target; the brightness may differ by a gain and a
 /// bias. If the scene is more than 1.5 times as large in one image as in the other, alignment uses
-/// a smaller pyramid level of the first image, in which the scene has about the same size as in the
-/// second. Then H is estimated from the aligned points by maximum likelihood. The fit assumes that
-/// the errors have a scale of at least a pixel (a third of `max_error`), because no scene is
-/// exactly a plane: with a smaller scale, the fit would follow the part of the scene with the most
-/// points. The answer is the aligned H, unless the homography from the keypoints has a smaller
-/// uncertainty at the corners of the image.
+/// a smaller pyramid level of the image in which the scene is larger, so that the scene has about
+/// the same size in both images. Then H is estimated from the aligned points by maximum likelihood.
+/// The fit assumes that the errors have a scale of at least a pixel (a third of `max_error`),
+/// because no scene is exactly a plane: with a smaller scale, the fit would follow the part of the
+/// scene with the most points. The answer is the aligned H, unless the homography from the
+/// keypoints has a smaller uncertainty at the corners of the image.
 ///
 /// The answer is the same for every instruction set.
 ///

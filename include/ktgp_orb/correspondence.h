@@ -6,16 +6,17 @@
 
 namespace ktgp_orb {
 
-/// The last stage of KNN -> TF -> GMS -> PROSAC that a correspondence passed. A match of Level::ktg
-/// has also passed KNN and TF, so the matches that the paper calls KT are all matches with a level
-/// >= Level::kt.
+/// The last stage that a correspondence passed, of the four stages nearest-neighbour search (KNN),
+/// ratio filter (TF), GMS and PROSAC. A match of Level::ktg has also passed KNN and TF, so the
+/// matches that the paper calls KT are all matches with a level >= Level::kt.
 enum class Level : std::uint8_t {
   knn = 0,   ///< nearest neighbour; removed by the ratio filter (TF)
   kt = 1,    ///< passed KNN + TF; removed by GMS
   ktg = 2,   ///< passed KNN + TF + GMS; removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
   /// Inlier of the homography, found by guided matching or growth near the position that the
-  /// homography predicts. These matches are in a separate list and do not count in the four stages.
+  /// homography predicts. KtgpMatcher puts these matches into a list of their own
+  /// (MatchResult::guided); the counts of the four stages do not include them.
   guided = 4,
 };
 
@@ -29,9 +30,10 @@ struct Correspondence {
   /// Hamming distance d2 to the second nearest descriptor, d1..256.
   std::int32_t second_distance = 0;
   Level level = Level::knn;
-  /// True if the match also holds in the other direction: of all target descriptors, this one is
-  /// the nearest to the reference descriptor. Computed only if MatcherOptions::mutual is on, or if
-  /// growth is on and the whole image is searched; otherwise it is false.
+  /// True if the match also holds in the other direction: of all target descriptors, the target
+  /// descriptor of this match is the nearest to its reference descriptor. Computed only if
+  /// MatcherOptions::mutual is on, or if growth is on and the whole image is searched; otherwise it
+  /// is false.
   bool mutual = false;
 
   /// W = d1/d2 (Eq. 3), which is also PROSAC's quality (Eq. 6, smaller is better). If the two

@@ -21,7 +21,8 @@ class FramePath {
 
   /// Appends a frame. `homography`: reference -> frame, px; empty if none was found. Returns true
   /// if the frame is connected to the stored frames; otherwise the stored frames are forgotten. If
-  /// the reference is not stored, a new path begins with the reference and this frame.
+  /// the reference is not stored, a new path begins with the reference and this frame. If there is
+  /// no usable homography, a new path begins with this frame alone.
   bool add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography);
 

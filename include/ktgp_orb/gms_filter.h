@@ -18,9 +18,9 @@ struct GmsOptions {
   double threshold = 6.0;
   bool rotation = false;  ///< also try the other seven 45-degree rotations of the neighbourhood
   bool scale = false;     ///< also try reference grids scaled by 1/2, 1/sqrt 2, sqrt 2 and 2
-  /// Number of cells across the target image, 1..200. If 0, the number is chosen between 5 and 20
-  /// so that a cell has 2.5 matches on average, which is the average for 1000 matches on the
-  /// paper's grid. If there are few matches, a finer grid would leave them without neighbours.
+  /// Number of cells across the target image, 1..200. If it is 0, GmsFilter chooses between 5 and
+  /// 20 cells, so that a cell has 2.5 matches on average, as on the paper's grid of 20 x 20 cells
+  /// with 1000 matches. On a finer grid, few matches would have no neighbours to support them.
   int grid_columns = 20;
   /// Number of cells down the target image; if 0, it is chosen like `grid_columns`.
   int grid_rows = 20;

@@ -172,9 +172,9 @@ struct GroundEstimate {
   /// Misfits, in standard deviations. The misfit of a reading is the difference between the reading
   /// and its prediction by the homography and the earlier readings. The misfit of the homography is
   /// the difference between the homography and its prediction by flat ground and the earlier
-  /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. The misfit of
-  /// a DownReading is relative to its given deviation or, if larger, to the scatter of these
-  /// readings (at most ten times the given deviation). The misfit of a missing reading is 0.
+  /// readings. A reading with a misfit beyond kContradiction gets hardly any weight. For a
+  /// DownReading, the standard deviation is the given deviation or, if these readings scatter more,
+  /// their scatter (at most ten times the given deviation). A missing reading has a misfit of 0.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;
@@ -209,9 +209,9 @@ struct GroundEstimate {
 /// translation t, and the normal n and the distance d of the ground seen from the keyframe: Malis &
 /// Vargas 2007; Hartley & Zisserman 2004, ch. 13.) The pose is fitted to H by weighted least
 /// squares. A Kalman filter then estimates G and the poses of the newest two frames together, from
-/// H and the readings, weighted by their covariances. G keeps the scale and the tilt from the
-/// readings and passes them on to the next keyframe, so errors of single readings average out. If
-/// there are no DownReadings, the motion determines the normal of the ground.
+/// H and the readings, weighted by their covariances. In this way, G collects what all readings say
+/// about the scale and the tilt. The next keyframe takes them over, so errors of single readings
+/// average out. If there are no DownReadings, the normal of the ground is found from the motion.
 ///
 /// More than half of the noise of H comes from the image of the keyframe and is common to all
 /// homographies from that keyframe. Therefore this part of the noise is counted as an error of G.

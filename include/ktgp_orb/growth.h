@@ -19,10 +19,11 @@ namespace ktgp_orb {
 struct GrowthOptions {
   bool enabled = false;  ///< if true, the matcher grows homographies; not in the paper
   int seeds = 30;        ///< maximum number of matches to start from, 1..10000
-  /// Number of views of a fixed reference to search, including the image itself, 0..13. From 5 on,
-  /// four views with a tilt of 2 are added; from 13 on, eight more with a tilt of 4. A view with a
-  /// tilt of t shows the image compressed to 1/t in one direction. SequenceMatcher creates the
-  /// views; HomographyGrowth uses the views that the caller gives it.
+  /// Number of views of a fixed reference in which growth searches, 0..13: the image itself and
+  /// simulated views. From 5 on, there are four simulated views with a tilt of 2; from 13 on, there
+  /// are eight more with a tilt of 4. A view with a tilt of t shows the image compressed to 1/t in
+  /// one direction. SequenceMatcher creates the views; HomographyGrowth uses the views that the
+  /// caller gives it.
   int views = 0;
 };
 

@@ -37,19 +37,20 @@ class GuidedMatcher {
   /// `homography`: reference to target, px. `matches` is set to the mutual nearest pairs within the
   /// radius, in target order, with Level::guided. If distances are equal, the keypoint with the
   /// lower index counts as nearest. `second_distance`: distance to the second nearest descriptor
-  /// within the radius, or 256.
+  /// within the radius, or 256 if there is none.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 
   /// Runs one round of guided matching after a homography was found: matches as match() does, then
-  /// estimates the homography again from all these matches. The new estimate must have at least as
-  /// many matches within `threshold` px as the old estimate, or half as many if `by_cell` is true.
-  /// If the horizon of the old estimate does not cross the reference image, the horizon of the new
-  /// estimate must not cross it, either. If these conditions hold, the new estimate replaces
-  /// `estimate`, and the function returns true. If `by_cell` is true, matches that are close
-  /// together count as one match in the estimate. Without this, the part of the scene with the most
-  /// matches would determine the estimate alone, and this part may be slightly off the plane of the
-  /// rest. `matches`: all matches found, including those that disagree with the estimate.
+  /// estimates the homography again from all these matches. The new estimate replaces `estimate`,
+  /// and the function returns true, if the new estimate meets two conditions. First, at least as
+  /// many matches as for the old estimate (or half as many if `by_cell` is true) are within
+  /// `threshold` px of the predicted positions. Second, its horizon does not cross the reference
+  /// image, unless the horizon of the old estimate does so, too. If `by_cell` is true, matches that
+  /// are close together count as one match in the estimate. Without this, the part of the scene
+  /// with the most matches would determine the estimate alone, and this part may be slightly off
+  /// the plane of the rest. `matches`: all matches found, including those that disagree with the
+  /// estimate.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

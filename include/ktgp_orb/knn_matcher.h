@@ -16,8 +16,9 @@ constexpr int kUnrelatedDistance = 128;
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
   int threads = 1;  ///< number of threads that share the work, 0..1024; 0 means all cores
-  /// Radius for matchNear: largest distance of a reference keypoint from the predicted position, px
-  /// of the reference, 0..10000. If it is 0, KtgpMatcher searches the whole image, as in the paper.
+  /// Radius for matchNear: largest distance of a reference keypoint from the predicted position of
+  /// the target keypoint in the reference image, px, 0..10000. If it is 0, KtgpMatcher searches the
+  /// whole image, as in the paper.
   double search_radius = 0.0;
 };
 
@@ -56,9 +57,10 @@ class KnnMatcher {
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
-  /// Matches as match() does, but searches only the reference keypoints within `search_radius` of
-  /// the predicted position. `prediction`: homography, reference to target, px. Time and memory
-  /// grow with the number of keypoints within the radius.
+  /// Matches as match() does, but searches only near the predicted position of each target keypoint
+  /// in the reference: among the reference keypoints within KnnOptions::search_radius of this
+  /// position. `prediction`: homography, reference to target, px. Time and memory grow with the
+  /// number of keypoints within the radius.
   ///
   /// The radius is exact: a reference keypoint at (x, y) is within the radius if (x - u)^2 + (y -
   /// v)^2 <= radius^2 in single precision; (u, v) is the target keypoint mapped by the inverse of

@@ -26,8 +26,8 @@ struct LensCalibration {
   bool operator==(const LensCalibration& other) const;
 };
 
-/// Removes lens distortion, so that straight lines become straight and a homography maps a plane to
-/// the image.
+/// Removes lens distortion, so that straight lines of the scene are straight in the image and a
+/// homography maps a plane of the scene to the image.
 ///
 /// Immutable: several threads may use one instance.
 class Lens {

@@ -52,12 +52,12 @@ enum class LostBecause : std::uint8_t {
   moved,      ///< the map is a panorama, but the camera has not only turned: it has moved
 };
 
-/// If the camera only turns, the map is drawn on a cylinder around the camera. Pixel p of the first
-/// frame has the ray K_inv p in the camera's coordinates. The ray has the components x to the
-/// right, y along `axis`, and z ahead; the z direction lies in the plane of `axis` and the optical
-/// axis of the first frame. The pixel is drawn at (cx + fx atan2(x, z), cy + fx y / sqrt(x² + z²)),
-/// where fx, cx and cy are entries of K. A full turn later, the same direction is drawn again, 2 pi
-/// fx px farther.
+/// The cylinder around the camera on which the map is drawn if the camera only turns. Pixel p of
+/// the first frame has the ray K_inv p in the camera's coordinates. The ray has the components x to
+/// the right, y along `axis`, and z ahead; the z direction lies in the plane of `axis` and the
+/// optical axis of the first frame. The pixel is drawn at
+/// (cx + fx atan2(x, z), cy + fx y / sqrt(x² + z²)), where fx, cx and cy are entries of K. After a
+/// full turn, the same direction is drawn again, 2 pi fx px away from the first place.
 struct Panorama {
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< rotation axis, in the first camera's frame

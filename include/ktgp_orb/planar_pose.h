@@ -45,12 +45,12 @@ struct PlanarPoses {
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014). From each, Levenberg-Marquardt
 /// finds the pose whose homography is nearest to the given homography, weighted by the covariance.
-/// Both fits may end at the same pose. If the rotation of one of the two IPPE solutions then lies
-/// outside the covariance of this pose, that solution becomes the second pose: its rotation is
-/// kept, and only its position is fitted. There is no pose if the homography does not show a target
-/// in front of the camera, if the covariance is not positive definite, or if the fit converges from
-/// neither of the two starts. Throws std::invalid_argument for an empty size, and for a width or
-/// focal length that is not positive.
+/// If the errors are large, both fits may end at the same pose. If one of the two IPPE solutions
+/// then has a rotation that the covariance of this pose does not include, it becomes the second
+/// pose: its rotation is kept, and only its position is fitted. There is no pose if the homography
+/// does not show a target in front of the camera, if the covariance is not positive definite, or if
+/// the fit converges from neither of the two starts. Throws std::invalid_argument for an empty
+/// size, and for a width or focal length that is not positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);
@@ -65,12 +65,12 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// of both homographies, but not the error due to a change of velocity between them. If
 /// `readout_time` is between -1 and 0, the last row is exposed first, for example because the
 /// driver rotates the images by 180 degrees. If it is -1, the time is not known: the homography
-/// stays `now`, and the covariance allows for a readout time of 0 +- 10 ms. A pose has only six
-/// parameters and a homography eight, so the distortion by the shutter changes the pose of
-/// planarPoses() little, and the covariance covers this change. Returns `now` if one of the two
-/// homographies does not show all of the reference image, or if the time between the two images is
-/// too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of 0 or less, and
-/// a `readout_time` that is not a number.
+/// stays `now`, and the covariance allows for a readout time of 0 +- 10 ms. Even then, the shutter
+/// changes the pose of planarPoses() little: a pose has only six of the eight parameters of a
+/// homography and cannot follow most of the distortion. The covariance covers this change. Returns
+/// `now` if one of the two homographies does not show all of the reference image, or if the time
+/// between the two images is too short. Throws std::invalid_argument for an empty size, no rows,
+/// `seconds` of 0 or less, and a `readout_time` that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

@@ -178,9 +178,10 @@ struct MatchAhead {
 /// multiplies the homographies from frame to frame. If the reference cannot belong to the same
 /// sequence as the next frame, it is dropped; NoReference lists the cases.
 ///
-/// With growth (GrowthOptions) and in fixed mode, the views of the reference are simulated before
-/// its first match. In keyframe and fixed mode, a frame for which PROSAC finds no homography takes
-/// longer, because growth runs; the number of seeds limits this time.
+/// In fixed mode with growth and GrowthOptions::views, the views of the reference are simulated
+/// when the first frame is matched to it (see SequenceOptions::views_in_background). In keyframe
+/// and fixed mode, a frame for which PROSAC finds no homography takes longer, because growth runs;
+/// the number of seeds limits this time.
 ///
 /// With a search radius (KnnOptions), matches are searched near the positions that the motion
 /// between the last two frames predicts. If that gives no homography, or less than half as many

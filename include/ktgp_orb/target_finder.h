@@ -42,8 +42,8 @@ struct TargetFinderOptions {
     options.distribution = KeypointDistribution::uniform;
     return options;
   }();
-  /// Maximum number of keypoints of a target image at full size, 50..5000. All sizes together get
-  /// up to twice this number, or up to six times if `views` is 5.
+  /// Maximum number of keypoints of a target image at full size, 50..5000. The image at full, half
+  /// and quarter size together gets up to twice this number, or up to six times if `views` is 5.
   int features = 500;
   /// Longest side of a target image, px, 64..4000; larger images are shrunk to save memory.
   int largest_side = 400;
@@ -51,14 +51,14 @@ struct TargetFinderOptions {
   /// full, half and quarter size. 5: also four views of the image with a tilt of 2 (compressed to
   /// half in one direction), each at these three sizes.
   int views = 5;
-  /// Shorter side of the smallest targets to find in the frame, px, 40..1000. If it is below 80,
-  /// the frame is enlarged before the extraction, and about half of the targets of 45 px are found;
-  /// all values below 80 have the same effect. The factor is two, or less if the frame would become
-  /// longer than 2500 px; if it would be below 1.25, the frame is not enlarged. Frames whose longer
+  /// Shorter side of the smallest targets to find in the frame, px, 40..1000. All values below 80
+  /// have the same effect: frames are enlarged before the extraction, so that about half of the
+  /// targets of 45 px are found. The factor is two, or less if the frame would become longer than
+  /// 2500 px; if the factor would be below 1.25, the frame is not enlarged. Frames whose longer
   /// side is below 480 px are enlarged by a factor of up to four; in frames of 160 px, half of the
-  /// targets of 18 px are found. An enlarged frame takes several times as long. A frame is enlarged
-  /// only if no target is followed, if a small target is followed, or if a target was lost; every
-  /// eighth frame is always enlarged.
+  /// targets of 18 px are found. Because an enlarged frame takes several times as long, a frame is
+  /// enlarged only if no target is followed, if a small target is followed, or if a target was
+  /// lost. In addition, every eighth frame is enlarged.
   double smallest_side = 45.0;
   /// Time per frame for the search for targets that the last frame did not show, ms. While other
   /// targets are followed, a tenth of this time is used. If infinite, all candidates are tried on
@@ -133,9 +133,10 @@ struct TargetFrame {
 ///
 /// 1. The frame's features are extracted once.
 /// 2. For each keypoint of the frame, an index of the descriptors of all targets returns the most
-///    similar keypoints (several tables with randomly sampled bits as keys; Indyk & Motwani, STOC
-///    1998). A pair of keypoints predicts an affine map, since keypoints have a direction and a
-///    size. The targets whose pairs agree with each other are candidates.
+///    similar keypoints of the targets (several tables with randomly sampled bits as keys; Indyk &
+///    Motwani, STOC 1998). Each such pair of keypoints predicts an affine map from target to frame,
+///    since keypoints have a direction and a size. The targets whose pairs agree with each other
+///    are candidates.
 /// 3. Each candidate, and each target of the last frame, is matched separately (multi-index
 ///    hashing).
 /// 4. A homography grows from the best pairs, using more keypoints or the grey values around a
@@ -147,10 +148,10 @@ struct TargetFrame {
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
 /// in the index and how many candidates are tried. Successive frames look up different keypoints.
 /// The search alternates between the candidate with the best support and the candidate that has not
-/// been tried for the longest time. So the available time decides which candidates are tried.
-/// Earlier frames influence whether a tried target is found in only two ways: they determine
-/// whether the frame is enlarged (smallest_side), and a target may be followed without keypoints
-/// (DetectedTarget::predicted).
+/// been tried for the longest time. So the available time decides which candidates are tried. For a
+/// target that is tried, earlier frames influence in only two ways whether it is found: they
+/// determine whether the frame is enlarged (smallest_side), and a target may be followed without
+/// keypoints (DetectedTarget::predicted).
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {

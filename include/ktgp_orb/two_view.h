@@ -42,7 +42,7 @@ enum class Doubt : std::uint8_t {
   moving_region = 5,
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
-  other_motion = 7,  ///< another motion fits as well, for none of the reasons above
+  other_motion = 7,  ///< another motion fits equally well, for a reason that is not listed above
   /// The inliers do not determine the epipolar geometry. If there is a homography, the result is a
   /// plane or a rotation instead; otherwise there is no result.
   undetermined = 8,
@@ -140,7 +140,7 @@ struct OtherMotion {
 struct TwoView {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
   /// If the status is ok: why the motion `other` cannot be excluded or, for `undetermined`, why the
-  /// geometry is not epipolar. If it is model_rejected: why there is no answer. Otherwise none.
+  /// geometry is not epipolar. If the status is model_rejected: why there is no answer. Else none.
   Doubt doubt = Doubt::none;
   Geometry geometry = Geometry::none;
 

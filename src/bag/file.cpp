@@ -166,7 +166,7 @@ std::size_t BagFile::skipDamage(std::size_t position) {
   const bool index_follows = next && next->operation == Operation::index;
   if (chunk_end_ == position && !chunks_.empty()) {
     chunks_.back().index_damaged = true;
-  } else if (index_follows) {  // add the lost chunk: its index still lists its messages
+  } else if (index_follows) {  // a chunk is lost, but its index still lists its messages
     chunks_.push_back({position, position, 0, 0, "none"});
   }
   if (index_follows) chunk_end_ = damage_end_;

@@ -8,8 +8,8 @@ namespace {
 
 /// Size of a length field, bytes.
 constexpr std::size_t kLength = 4;
-/// Bytes; when searching for a record after damage, we accept only headers up to this size. Nearly
-/// all headers are far shorter.
+/// Largest header, bytes, that we accept when we search for a record after damage. Nearly all
+/// headers are far shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 
 std::optional<Operation> operationOf(const Fields& fields) {

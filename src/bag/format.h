@@ -35,7 +35,7 @@ struct Record {
   std::size_t data_size;  ///< size of the data, bytes; the file may be shorter
 };
 
-/// Bytes; a record with a longer header counts as damaged.
+/// Largest size of a header, bytes. A record with a longer header counts as damaged.
 constexpr std::size_t kLargestHeader = 1 << 20;
 
 /// Reads four bytes as a little-endian number; all numbers of the format are stored like this.

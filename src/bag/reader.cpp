@@ -167,7 +167,8 @@ std::optional<RecordedMessage> BagMessages::next() {
     const std::uint32_t connection = queue_.begin()->second;
     queue_.erase(queue_.begin());
     current_ = contentsOf(chunk);
-    if (number >= current_->messages.size()) continue;  // read again, the chunk has fewer messages
+    // The chunk was read again, and now fewer of its messages could be read.
+    if (number >= current_->messages.size()) continue;
     ++read_;
     return RecordedMessage{connections_.at(connection), time, current_->messages[number].data};
   }

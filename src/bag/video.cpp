@@ -192,8 +192,8 @@ class Video : public ImageSource {
   std::string path_;
   BagSelection selection_;
   double rate_;
-  // Times between the last few images, s. The first value is used until times are known, or if the
-  // container gives none.
+  // Times between the last few images, s. The initial value is used until times are known, or if
+  // the container gives none.
   std::deque<double> steps_{1.0 / 30.0};
   cv::VideoCapture video_;
   std::optional<RecordedImage> queued_;

@@ -229,12 +229,12 @@ class ProsacSearch {
     }
   }
 
-  /// Second part of local optimisation: draws samples from the inliers only. If one pair of the
-  /// sample was wrong, the model often agrees with only some of the right pairs, and least squares
-  /// does not find the others. A model from a sample of right pairs does find them. Returns true if
-  /// a sample gave a better model. Samples of inliers say nothing about the other pairs, so they
-  /// reduce the budget but do not count for the maximality rule. They use at most half of the
-  /// budget that is left.
+  /// Second part of local optimisation: draws samples from the inliers of the best model only. If
+  /// the sample that gave this model has a wrong pair, the model often agrees with only some of the
+  /// right pairs, and the least-squares fits of polish() do not find the others. A model from a
+  /// sample of right pairs does find them. Returns true if a sample gave a better model. Samples of
+  /// inliers say nothing about the other pairs, so they reduce the budget but do not count for the
+  /// maximality rule. They use at most half of the budget that is left.
   bool sampleSupport(ProsacSampler& sampler) {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);

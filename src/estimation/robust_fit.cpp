@@ -67,9 +67,9 @@ double inflationOfWeights(const NormalEquations& sums, const RobustWeights& weig
   const double d = weights.dimensions();
   const double n = static_cast<double>(weights.size());
   const double mean2 = std::pow(sums.derivative / n, 2);
-  // e: the d residuals of a measurement; t: its Student weight (`student`); f: kStudentFreedom. The
-  // derivative of t e with respect to e is t (2q - 1) in the direction of e, and t perpendicular to
-  // it, where q = t f / (f + d).
+  // We sum the squared derivative of t e with respect to e, averaged over all directions. e: the d
+  // residuals of a measurement; t: its Student weight (`student`); f: kStudentFreedom. In the
+  // direction of e, the derivative is t (2q - 1) with q = t f / (f + d); perpendicular to it, t.
   double squares = 0.0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const double student = weights.weight[i] / weights.factor[i];

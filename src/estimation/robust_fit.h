@@ -157,9 +157,10 @@ void lineariseEach(const Problem& problem, const State& state, RobustWeights& we
     squares.noalias() += w * jacobian.transpose() * jacobian;
     gradient.noalias() += w * jacobian.transpose() * residual;
     sums.weight += w;
-    // e: the residuals of the measurement; t: its Student weight (`student`); f: kStudentFreedom.
-    // The derivative of t e with respect to e is t (2q - 1) in the direction of e, and t
-    // perpendicular to it, where q = t f / (f + kResiduals).
+    // For sums.derivative, we need the derivative of t e with respect to e, averaged over all
+    // directions. e: residuals of the measurement; t: its Student weight (`student`). In the
+    // direction of e, the derivative is t (2q - 1); perpendicular to it, t. Here q = t f / (f +
+    // kResiduals) with f = kStudentFreedom.
     const double q = student * (kStudentFreedom / (kStudentFreedom + kResiduals));
     sums.derivative += w * (1.0 - 2.0 / kResiduals * (1.0 - q));
     sums.square += w * student * square;

@@ -47,11 +47,11 @@ class RobustWeights {
 
   double scale() const { return std::sqrt(scale2); }
   void setScale(double scale) { scale2 = scale * scale; }
-  /// Estimates the scale from the current errors by maximum likelihood, with expectation
-  /// maximisation. Each round divides by the sum of the weights, which makes it converge faster
-  /// (Kent, Tyler & Vardi 1994). The scale becomes at least `least`. After a fit the errors are
-  /// smaller than the noise, especially if there are few measurements; the scale is corrected for
-  /// this with freedom().
+  /// Estimates the scale from the current errors by maximum likelihood (expectation maximisation),
+  /// but sets it to at least `least`. Each round divides the weighted sum of the squared errors by
+  /// the sum of the weights instead of the number of measurements, because this converges faster
+  /// (Kent, Tyler & Vardi 1994). After a fit the errors are smaller than the noise, especially if
+  /// there are few measurements, so the scale is enlarged according to freedom().
   void estimateScale(double least);
 
   // The problem writes these arrays, with one entry for each measurement.

@@ -77,8 +77,9 @@ bool lacksData(std::string_view bytes, const cv::Mat& picture) {
   jpeg.err = jpeg_std_error(&errors.base);
   errors.base.emit_message = emitMessage;
   errors.base.error_exit = exitOnError;
-  // longjmp skips destructors, but no object between here and there has one. Ignore errors of
-  // libjpeg: OpenCV could decode the picture, so libjpeg just does not support this kind of JPEG.
+  // If libjpeg reports an error, longjmp() in exitOnError() returns to this setjmp(). It skips
+  // destructors, but no object between the two has one. We ignore the error: OpenCV could decode
+  // the picture, so libjpeg just does not support this kind of JPEG.
   if (setjmp(errors.end) == 0) {
     jpeg_create_decompress(&jpeg);
     jpeg_mem_src(&jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());

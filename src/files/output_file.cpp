@@ -142,8 +142,8 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::size_t own = 0;
   std::size_t same = 0;
   for (const auto& [option, value] : given_) {
-    // Count the options that name the file of the output (`same`). One of them is allowed: the
-    // option that gives the output. `own` stays 0 if no option gives the output.
+    // `same` counts the options whose value names the output file. One such option is allowed
+    // (`own` is 1): the option that gives the output. If no option gives the output, `own` is 0.
     if (value == output) own = 1;
     if (!isSameFile(output, value)) continue;
     options += (same++ == 0 ? "" : " and ") + option;
@@ -262,8 +262,8 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
     for (OutputFile* file : files) file->takeBack();
     throw;
   }
-  // Remove the temporary names in reverse order: users take the last file as the sign that the run
-  // is complete, and isInterrupted() returns false for it once its temporary name is gone.
+  // Users take the last file as the sign that the run is complete, so remove its temporary name
+  // first: if the program is killed before that, isInterrupted() returns true for this file.
   std::for_each(files.rbegin(), files.rend(), [](OutputFile* file) { file->finish(); });
 }
 

@@ -34,8 +34,9 @@ void AlikePairs::choose(const Features& features, double least, double most, Par
 
 void AlikePairs::find(const Features& reference, const Features& target, double scale,
                       PointPairs& pairs) {
-  // Factor by which the range of sizes is widened at each end: the scale varies within an image,
-  // and a descriptor still matches if the size of its keypoint is wrong by up to an octave.
+  // Factor by which the range of sizes is widened at each end, because `scale` is an estimate, and
+  // the true scale varies within an image. Descriptors tolerate this: they still match if the size
+  // of a keypoint is wrong by up to an octave.
   constexpr double kMargin = 1.2;
   const auto [least, most] = sizesOf(reference);
   const auto [least_of_target, most_of_target] = sizesOf(target);

@@ -24,16 +24,16 @@ struct GrowthPlan {
   /// is within reach.
   float enough_radius;
   /// Search radius with which Grower::settle begins after the rounds, px; it halves the radius
-  /// after each search. Each search covers the whole reference; outside the region that the rounds
-  /// reached, predictions may be off by this distance.
+  /// after each search. The searches cover the whole reference. Predictions may be off by this
+  /// radius where the reference is beyond the region that the rounds reached.
   float settle_radius;
   /// Maximum number of refits at the last radius; they go on while the number of matches increases.
   int last_rounds;
   std::size_t fewest_pairs;  ///< minimum number of pairs that a round must find
   /// Minimum number of pairs with an error below the last radius: `first_exact` in round 0, and
   /// `more_exact` more in each further round, up to `most_exact`. A right seed finds several times
-  /// as many. Nearly all of the time goes into wrong seeds, so it matters that they seldom find
-  /// enough pairs in two rounds.
+  /// as many. A wrong seed seldom finds enough pairs in two rounds, so it is dropped early; this
+  /// matters because nearly all of the time goes into wrong seeds.
   std::size_t first_exact, more_exact, most_exact;
 };
 

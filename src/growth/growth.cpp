@@ -382,8 +382,11 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
       return;
     }
   }
-  // If a hypothesis is rivalled, the scene repeats itself. The less significant hypotheses must
-  // then stand out (see ShiftVotes), because they may have a small overlap with only few votes.
+  // If nearest neighbours also vote for another shift of a hypothesis (is_rivalled), the scene
+  // repeats itself. Then a less significant hypothesis is accepted only if it clearly has more
+  // votes than any shift of it (stands_out, see ShiftVotes). It is not enough that it has no rival:
+  // if the images overlap only a little under this hypothesis, its share of votes is computed from
+  // few pairs and may be large by chance.
   bool repeats = false;
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;

@@ -124,9 +124,9 @@ bool ShiftVotes::isRivalled() const {
 }
 
 bool ShiftVotes::standsOut() const {
-  // log10 of the largest probability of so many votes by chance. It is small because a wrong
-  // homography may be the best of hundreds of wrong shifts, for example of all shifts that move a
-  // symbol of a page to another symbol.
+  // The own shift stands out if log10 of the probability of so many votes by chance is below this
+  // limit. The limit is low because a wrong homography may be the best of hundreds of wrong shifts,
+  // for example of all shifts that move a symbol of a page to another symbol.
   constexpr double kLogMost = -5.0;
   // Shifts with fewer votes are ignored: if there are many shifts, some get a few votes by chance.
   constexpr double kCommon = 4.0;

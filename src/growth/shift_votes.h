@@ -14,13 +14,13 @@ namespace ktgp_orb::growth {
 /// Distinguishes the right homography from a copy of it that is shifted to a similar-looking place,
 /// such as the next window of a facade or the next symbol of a circuit diagram.
 ///
-/// With either homography, thousands of keypoints have a match near their predicted positions. So
-/// we let nearest neighbours in the whole image vote. The nearest neighbour of a keypoint may be in
-/// any copy of a pattern: patterns that repeat vote for many shifts, and patterns that occur only
-/// once vote for the right shift. Each pair of mutual nearest neighbours votes for the shift from
-/// the predicted point to its target point. A shift by one period also changes the overlap of the
-/// images. So the votes of each shift are divided by the number of pairs that both images could
-/// show at this shift.
+/// With either homography, thousands of keypoints have a match near their predicted positions, so
+/// these matches do not show which one is right. Instead we let nearest neighbours in the whole
+/// image vote: each pair of mutual nearest neighbours votes for the shift from the predicted point
+/// to its target point. The nearest neighbour of a keypoint may be in any copy of a pattern, so
+/// patterns that repeat vote for many shifts, but patterns that occur only once vote for the right
+/// shift. A shift by one period also changes the overlap of the images. So the votes of each shift
+/// are divided by the number of pairs that both images could show at this shift.
 class ShiftVotes {
  public:
   /// A shift that several pairs vote for.

@@ -105,10 +105,10 @@ Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corner
   return Status::ok;
 }
 
-/// Tests all pairs, and then again without some of them: if all pairs but one lie on a line, for
-/// example, H depends on this one pair. We compute the standard deviation of a corner in both
-/// images and use the smaller one, because a strong perspective that moves a corner far away in one
-/// image also magnifies the error there.
+/// Tests whether all pairs determine H, and whether H is still determined without some of them: if
+/// all pairs but one lie on a line, for example, H depends on this one pair. We compute the
+/// standard deviation of a corner in both images and use the smaller one, because a strong
+/// perspective that moves a corner far away in one image also magnifies the error there.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
                                  const Eigen::Matrix3d& homography) const {
   // Upper limits of the standard deviation at the worst corner, px: with all pairs, and if some
@@ -198,9 +198,9 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const 
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
   const double rounding = options.rounding * pairs.target.scale;
-  // If the grey values are noisy, their rounding differs from patch to patch and is part of the
-  // noise that we measured. Only the rest of the rounding error is similar for neighbouring pairs,
-  // and is added here.
+  // Rounding errors of variance rounding² may be similar for neighbouring pairs. If the grey values
+  // are noisy, however, their rounding differs from patch to patch and is already part of the
+  // measured noise (`seen`). So only the rest of the variance (`unseen`) is added here.
   const double seen = of_patches ? field.noise_variance : 0.0;
   const double unseen = std::max(rounding * rounding - seen, 0.0);
   const Matrix8 smooth = field.covariance + unseen * field.of_rounding;

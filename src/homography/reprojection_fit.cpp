@@ -188,9 +188,9 @@ void ReprojectionFit::Problem::linearise(const Eigen::Matrix3d& homography, Robu
   sums.squares = jtj;
   sums.gradient = jtr;
   sums.weight = sum(all);
-  // e: error of a pair; t: its Student weight (`student`); f: kStudentFreedom. The derivative of
-  // t e with respect to e, averaged over the direction of e and the direction perpendicular to it,
-  // is t² f / (f + 2).
+  // For sums.derivative, we need the derivative of t e with respect to e, averaged over the
+  // direction of e and the direction perpendicular to it. This average is t² f / (f + 2), where e
+  // is the error of a pair, t its Student weight (`student`) and f = kStudentFreedom.
   constexpr double kShare = estimation::kStudentFreedom / (estimation::kStudentFreedom + 2.0);
   sums.derivative = sum(derivatives) * kShare;
   sums.square = sum(squares);
@@ -217,8 +217,8 @@ std::size_t ReprojectionFit::select(const Points& points, const std::vector<std:
 }
 
 void ReprojectionFit::weighByCell(double cell) {
-  // The weights are used only if the weighted pairs are worth at least this many equally weighted
-  // pairs, which are eight for each entry of H.
+  // The weights are used only if the result is not noisier than a fit to this many equally weighted
+  // pairs (eight pairs for each estimated entry of H).
   constexpr double kFewest = 64.0;
   const std::size_t n = size();
   if (n == 0) return;

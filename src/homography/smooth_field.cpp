@@ -116,7 +116,8 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
   // noise; see FieldFit::common_covariance.
   constexpr double kCommon = 0.02;
   // A field that is correlated over most of the image has only about f = kFreedom independent
-  // values. Therefore the covariance is multiplied by f / (f - 2), as for Student's t distribution.
+  // values, so the estimate of its variance is uncertain. Therefore the covariance is multiplied by
+  // f / (f - 2), as for Student's t distribution with f degrees of freedom.
   constexpr double kFreedom = 6.0;
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   const Matrix8 common = expanded(of_pairs.slope * of_pairs.slope.transpose());
@@ -131,8 +132,9 @@ void SmoothField::setCovariances(const PairSums& of_pairs, const Fitted& fitted,
 /// squared errors. If noise alone could give the measured ratio, we assume that there is no field.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
-  // If the pairs cover only a few cells, the fit of H absorbs nearly the whole field. Then the
-  // expected ratios for field and noise are too close to tell them apart.
+  // Minimum difference between the expected ratios for field and noise (`contrast`) by which we
+  // divide. If the pairs cover only a few cells, the fit of H absorbs nearly the whole field, and
+  // the two ratios are so close that a small error of the measured ratio would look like a field.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;

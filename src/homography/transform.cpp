@@ -41,9 +41,10 @@ bool sameOrientation(const Basis& a, const Basis& b) {
 
 }  // namespace
 
-// r_i: rows of the reference basis; a_i, b_i: areas in reference and target; u_i: target points.
-// H = sum over i = 1..3 of (b_i / a_i) u_i r_i^T maps x_i to u_i. It maps x4 to the sum of b_i u_i,
-// which is the target's `whole` times u_4.
+// x_i: reference points; u_i: target points; r_i: rows of the reference basis; a_i, b_i: areas (see
+// Basis) of reference and target. H = sum over i = 1..3 of (b_i / a_i) u_i r_i^T maps x_i to a
+// multiple of u_i. It maps x4 to the sum of b_i u_i, which is u4 times the target's `whole`, so we
+// divide H by `whole`.
 bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography) {

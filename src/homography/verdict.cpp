@@ -41,8 +41,9 @@ void labelEach(const UncertainHomography& answer, const PointPairs& pairs, doubl
 bool HomographyVerdict::trusts(const UncertainHomography& answer, const PointPairs& pairs,
                                const cv::Size& reference_size, double threshold,
                                ProsacResult& result) {
-  // A wrong homography seldom shows the whole image from one side. If the plane is only partly in
-  // view, this evidence is missing, so the inliers must be more significant.
+  // If a homography shows the whole reference image from one side (see keepsPlaneInView), it is
+  // probably right, because a wrong homography seldom does so. If the plane is only partly in view,
+  // this evidence is missing, so the inliers must be more significant.
   constexpr double kLogMaxOfAPart = -12.0;  // log10 of the largest accepted NFA
   const FourPoints corners = imageCorners(reference_size, pairs.reference);
   const Eigen::Matrix3d view = facing(answer.homography);

@@ -317,8 +317,8 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
 
 /// Returns PROSAC's homography if it is doubtful, otherwise an empty value. It is doubtful if few
 /// matches agree with it, since a repetitive structure, such as the windows of a house, may have
-/// misled PROSAC. It is also doubtful if the matches show that the structure repeats (see
-/// ShiftVotes).
+/// misled PROSAC. If there is no prediction, it is also doubtful if the matches show that the
+/// structure repeats (see ShiftVotes).
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
   // A homography with few inliers is doubtful if they are less than 1 / kOneIn of the matches.
@@ -339,9 +339,9 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   return start;
 }
 
-/// Grows a homography if PROSAC found none although the whole image was searched, or if PROSAC's
-/// homography is doubtful. The doubtful homography then competes with the grown homographies (see
-/// HomographyGrowth::Impl::choose).
+/// If PROSAC found no homography or a doubtful one, grows homographies, provided that the whole
+/// image was searched. A doubtful homography competes with the grown homographies (see
+/// HomographyGrowth::Impl::choose); if the whole image was not searched, it is rejected.
 bool Chain::runGrowth(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;

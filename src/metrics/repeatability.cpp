@@ -10,7 +10,8 @@
 namespace ktgp_orb::metrics {
 namespace {
 
-// Both regions are scaled so that the reference region has this radius in the target image, px.
+// Radius of a disc, px. Before we compute the overlap of a reference region and a target region, we
+// scale both so that the reference region, mapped to the target image, has the area of this disc.
 constexpr double kNormalisedRadius = 30.0;
 
 /// An ellipse: the set of points x with (x - centre)^T shape (x - centre) <= 1.

@@ -14,8 +14,9 @@ namespace {
 constexpr std::size_t kTriesOnPath = 2;
 constexpr std::size_t kTriesLost = 4;
 constexpr double kLeastOverlap = 0.2;
-// A match gives a position only with at least this many inliers. The limit is larger than for a
-// valid match, because the frame may become a keyframe, whose position is never corrected.
+// A match gives the position of a frame only if it has at least this many inliers. The limit is
+// larger than for a valid match, because the frame may become a keyframe, whose position is never
+// corrected.
 constexpr std::size_t kLeastInliers = 30;
 
 }  // namespace

@@ -120,10 +120,10 @@ Eigen::Vector2d Surface::inFrame(const Eigen::Matrix3d& from_map,
 
 bool Surface::canShow(const cv::Size& size, const Eigen::Matrix3d& from_map) const {
   if (isPlane()) return planeCanShow(size, from_map);
-  // The frame must stay below the height `highest` on the cylinder: at a height of h radii, the
-  // cylinder stretches the picture along the axis by the factor 1 + h^2. If the frame shows the
-  // axis itself, a corner or the middle of the frame also exceeds this limit, so the test detects
-  // this case, too.
+  // At a height of h radii, the cylinder stretches the picture along its axis by the factor
+  // 1 + h^2. So that this factor stays below kLargestZoom, the whole frame must stay below the
+  // height `highest`. If the frame shows the axis itself, a corner or the middle of the frame
+  // exceeds this limit, so the test detects this case, too.
   auto points = outline(size, from_map.inverse());
   points.push_back(toMap(from_map.inverse() *
                          Eigen::Vector3d(0.5 * (size.width - 1), 0.5 * (size.height - 1), 1.0)));

@@ -155,7 +155,8 @@ bool TileMap::drawIn(const cv::Rect& bounds, const Frame& frame) {
 }
 
 /// Computes patch_weight_: the weight of the frame at each pixel of `region`, the area of a tile in
-/// the map. Also stores the map between tile and frame, which setPatch() uses.
+/// the map. Also stores the mapping between the pixels of the tile and of the frame (homography_
+/// or pixels_), which setPatch() uses.
 void TileMap::setPatchWeight(const cv::Rect& region, const Frame& frame) {
   if (surface_.isPlane()) {
     Eigen::Matrix3d to_tile = Eigen::Matrix3d::Identity();

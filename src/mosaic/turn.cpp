@@ -90,10 +90,10 @@ bool estimate(const std::vector<Eigen::Matrix3d>& poses, const cv::Size& size, T
 
 }  // namespace
 
-// The limit lies between two deviations that were measured with frames of 640 px, for which it is
-// 2.6 px. If the focal length is 3 % wrong, a pure turn by 20 degrees deviates by 2.3 px. In 200
-// flights over level and tilted planes, which moved the view by a quarter of the picture, the
-// smallest deviation was 4.7 px, even with the best focal length.
+// For frames that are 640 px wide, the limit is 2.6 px. It lies between two measured deviations. If
+// the focal length is 3 % wrong, a pure turn by 20 degrees deviates by 2.3 px. In 200 flights over
+// level and tilted planes, which moved the view by a quarter of the picture, the smallest deviation
+// was 4.7 px, even with the best focal length.
 double largestOff(const cv::Size& size) {
   constexpr double kShare = 0.004;
   return std::max(1.0, kShare * size.width);

@@ -42,9 +42,9 @@ Eigen::Matrix3d imageFromGround(const CameraPose& pose);
 /// to a factor. Empty if there is no such pose above the ground.
 std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
 
-/// The velocity and angular velocity (in the moving camera's frame) that move the camera from
-/// `from` to `to` if they stay constant, multiplied by the duration. This is the logarithm of the
-/// motion in SE(3).
+/// The motion from `from` to `to` at constant velocity and constant angular velocity. Returns both,
+/// in the moving camera's frame and multiplied by the duration: m and rad. This is the logarithm of
+/// the motion in SE(3).
 Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
 /// Jacobian of constantTwist() with respect to a step (see moved()) of `from` (6 columns) and a
 /// step of `to` (6 columns).

@@ -270,8 +270,9 @@ std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
   return innovation;
 }
 
-/// Makes the most likely pose for the homography the newest pose, and computes the two constraints.
-/// `noise`: factor on the variances of the homography. Returns false if no pose fits.
+/// Fits a pose to the homography of the new frame and makes it the newest pose. Sets constraints_
+/// and constraints_by_state_ to the two constraints that the pose does not use up. `noise`: factor
+/// on the variances of the homography. Returns false if no pose fits.
 bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
   if (!whitening) return false;

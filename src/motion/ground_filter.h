@@ -19,9 +19,9 @@ using util::SmallRef;
 struct SeenTurn {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  /// Jacobian of the small rotations that `covariance` describes, with respect to small rotations
-  /// of the camera at the keyframe: it shows how much `rotation` changes if the keyframe's pose is
-  /// tilted because the normal of the ground is wrong.
+  /// How `rotation` changes if the normal of the ground is wrong, so that the pose of the keyframe
+  /// is tilted: the Jacobian of small rotations at the newest image (as for `covariance`) with
+  /// respect to small rotations of the camera at the keyframe.
   Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
 };
 

@@ -61,7 +61,7 @@ struct GroundMotion::Impl {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
   /// Returns true if the time since the last pose is known. It is unknown if `frame` has an earlier
-  /// stamp than the last pose, because the stamp of that pose was ahead of its time.
+  /// stamp than the last pose: then the stamp of the last pose was ahead of its time.
   bool knowsTime(const GroundFrame& frame) const { return frame.stamp > last_stamp; }
 
   GroundMotionOptions options;
@@ -105,8 +105,8 @@ struct GroundMotion::Impl {
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  // If requireValid() refuses the frame, `turned` stays empty, because the rotation of this frame
-  // is missing in the sum.
+  // If requireValid() throws, `turned` stays empty: without the rotation of this frame, the sum of
+  // rotations since the last pose is not known.
   motion::requireValid(frame);
   turned = turns;
   const std::optional<Eigen::Matrix3d> homography =
@@ -228,9 +228,9 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
   return placed(frame, image, GroundStatus::started);
 }
 
-/// Continues after a gap by predicting the pose from the last velocity. If the reference is the
-/// previous frame, this function predicts the pose of the reference instead; the homography then
-/// gives the pose of the new frame, and a velocity.
+/// Continues after a gap: predicts the pose of `frame` from the last velocity. If the reference of
+/// `frame` is the previous frame, predicts the pose of that reference instead. The homography then
+/// gives the pose of `frame`, and the two poses give a velocity.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));
@@ -261,8 +261,8 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
 }
 
-/// Ends beginAt() and resume(): makes the reference of `image` the keyframe and connects the next
-/// frames to it. Returns `status`, or no_normal if the tilt is not known.
+/// The last step of beginAt() and resume(): makes the reference of `image` the keyframe and
+/// connects the next frames to it. Returns `status`, or no_normal if the tilt is not known.
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;

@@ -33,10 +33,10 @@ constexpr double kLargest = 0.35;  // rad
 // they would be too small: successive differences share a block, so their errors are not
 // independent.
 constexpr double kShared = 1.5;
-// kLeastNoise: minimum standard deviation of the difference between the means of two blocks. A
-// difference tells about the mounting and the scale only if the rotation between the two blocks is
-// larger than kLeastTurn, and about the delay only if the change of the angular velocity is larger
-// than kLeastRate; see dropNoise().
+// kLeastNoise: minimum standard deviation of the difference between the means of two blocks. The
+// difference is used to estimate the mounting and the scale only if the rotation between the two
+// blocks is larger than kLeastTurn, and to estimate the delay only if the change of the angular
+// velocity is larger than kLeastRate; see dropNoise().
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s

@@ -18,12 +18,12 @@ namespace ktgp_orb::motion {
 /// direction n to the ground. They change if the Imu has a mounting error m (rad), a delay d (s), a
 /// bias b (rad/s) or a relative scale error s. To first order, after a time t, the sum of rotations
 /// has changed by m - w d + b t + s a, where w is the angular velocity and a is the rotation so
-/// far. The direction has changed by n x (m - b t) + (w x n) d; here b is a drift of the rotations
-/// seen in the images. A wrong normal of the ground adds three unknowns, which makes eleven in
-/// total. The readings are averaged over blocks of half a second; in the difference between the
-/// means of successive blocks, the constant part of each vector cancels. Weighted least squares
-/// with a memory of five minutes estimates the unknowns from these differences, and the residuals
-/// give the noise.
+/// far. The direction has changed by n x (m - b t) + (w x n) d; in this formula, b is not a bias of
+/// the Imu but a drift of the rotations seen in the images. A wrong normal of the ground adds three
+/// unknowns, which makes eleven in total. The readings are averaged over blocks of half a second;
+/// in the difference between the means of successive blocks, the constant part of each vector
+/// cancels. Weighted least squares with a memory of five minutes estimates the unknowns from these
+/// differences, and the residuals give the noise.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at

@@ -8,10 +8,11 @@
 namespace ktgp_orb::motion {
 namespace {
 
-// The plane that is fitted to the ground in an image follows most of the relief. kOfPlane: the
-// height of this plane is wrong by about twice the deviation of the ground from the plane.
-// kOfSlope: half of the image shows ground that is about a third of the camera's height wide. Over
-// this width, the same error of the height tilts the plane by 2 / (1/3) = 6 times the deviation.
+// Errors of the plane that is fitted to the ground in an image, per unit of Relief::size_ (the
+// deviation of the ground from this plane, as a share of the camera's height). The plane follows
+// most of the relief, so its height is wrong by about twice the deviation (kOfPlane). Half of the
+// image shows a strip of ground that is about a third of the camera's height wide. Over this width,
+// the same error of the height tilts the plane by 2 / (1/3) = 6 times the deviation (kOfSlope).
 constexpr double kOfPlane = 2.0;
 constexpr double kOfSlope = 6.0;  // rad
 

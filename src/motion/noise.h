@@ -107,13 +107,14 @@ class Relief {
   double size_ = 0.0;   // deviation of the ground from the fitted plane, as a share of the height
 };
 
-/// Estimates which share of the covariance of a twist is really noise.
+/// Estimates which share of the covariance of a twist (velocity and angular velocity of the camera)
+/// is really noise.
 ///
 /// A part of the error of a homography is the same in successive frames and cancels in a velocity.
 /// How large this part is depends on the images, so the covariance of the homography is only an
-/// upper limit. Over six frames, a camera moves smoothly, so the fourth difference of the
-/// successive twists is mostly noise. Rough motion enlarges this difference, so the noise is then
-/// overestimated.
+/// upper limit for the noise of a twist. Over six frames, a camera moves smoothly, so the fourth
+/// difference of the successive twists is mostly noise. Rough motion enlarges this difference, so
+/// the noise is then overestimated.
 ///
 /// The covariance of a homography grows with the distance from the keyframe, but the part that is
 /// the same in successive frames grows, too. So a share that was measured far from one keyframe

@@ -39,10 +39,10 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   noise_.add(twist_, noise, seconds, filter.now().position.z());
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
   if (!std::exchange(is_measured_, true)) return;
-  // A Kalman update that uses the last velocity as a measurement of the new velocity. An unknown
-  // acceleration makes the two velocities differ. The update matters if the images tell little
-  // about the motion, for example near the ground, where few features are in view and a rotation
-  // looks like a translation.
+  // A Kalman update that uses the last velocity as a measurement of the new velocity. Its variance
+  // is enlarged, because the camera may have accelerated since then. The update matters if the
+  // images tell little about the motion, for example near the ground, where few features are in
+  // view and a rotation looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();
@@ -88,7 +88,8 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
 }
 
 /// Returns the largest plausible change of velocity, m/s. It allows for the acceleration of a
-/// vehicle and for noise: at a large height, the noise of a pixel or two is several metres.
+/// vehicle, for the uncertainty of the last velocity, and for noise in the images: at a large
+/// height, one or two pixels are several metres.
 double Velocity::largestChange(const GroundFilter& filter, double seconds,
                                double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s

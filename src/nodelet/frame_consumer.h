@@ -36,7 +36,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
                                                       kImage, image->data.size(), image));
     });
     this->worker_.setLimits(kImage, 10, ImageStore::kBytes / 2);
-    // The homographies form a chain from frame to frame, so none should be lost.
+    // The homographies form a chain from frame to frame. So that none is lost, many of them may
+    // wait.
     homographies_ = &this->template addInput<HomographyStamped>(
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });

@@ -27,8 +27,8 @@
 namespace ktgp_orb {
 
 /// Base class of ImageNode, with everything that does not depend on its template parameters. It
-/// provides inputs that are subscribed only while somebody wants results, outputs, services,
-/// diagnostics, and a shutdown that is safe at any time.
+/// provides outputs, services, diagnostics, inputs that are subscribed only while somebody wants
+/// results, and a shutdown that is safe at any time.
 ///
 /// Callbacks run in queues of the nodelet, not in the manager's; each queue has a thread:
 ///   settings_queue_  parameters, connections, and inputs that change settings

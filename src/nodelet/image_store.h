@@ -25,9 +25,9 @@ class ImageStore {
   void setLag(std::size_t images) { lag_ = images; }
 
   /// Adds an image. Returns how many images were dropped because of kBytes. Images dropped because
-  /// of kImages are not counted, since they are too old for a homography. If take() has already
-  /// returned a later image, a dropped image is not counted either: the matcher skipped it as a
-  /// repeated image or because of max_rate, so its homography never comes.
+  /// of kImages are not counted, because they are so old that their homographies will not arrive
+  /// any more. If take() has already returned a later image, a dropped image is not counted either:
+  /// the matcher skipped it as a repeated image or because of max_rate, so it has no homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     images_.emplace(image->header.stamp, Stored{image, next_++});
     bytes_ += image->data.size();

@@ -25,8 +25,8 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-// Warn if a geometry is found in a smaller share of the frames, or if things that stand still are
-// found in a larger share.
+// We warn if a geometry is found in less than this share of the frames, or if things that stand
+// still are found in more than this share.
 constexpr double kMinShare = 0.5;
 
 }  // namespace

@@ -76,7 +76,7 @@ class TargetBook {
   std::string file_;
   int lock_ = -1;  // file descriptor of the locked image folder; -1: none
   Lists lists_;
-  std::map<std::string, std::string> reasons_;  // reasons of refused targets, by id
+  std::map<std::string, std::string> reasons_;  // by id: why a target was refused
 };
 
 }  // namespace ktgp_orb

@@ -38,10 +38,10 @@ class Shared {
   explicit Shared(const Options& options) : object_(options) {}
 
   /// Waits until no other thread uses the object, calls `work` with the GIL released, and returns
-  /// its result. The caller must hold the GIL, because a Python thread forks only while it holds
-  /// the GIL. Throws std::runtime_error in a forked process if the object was in use at the time of
-  /// the fork: the thread that used it does not exist in the new process, so the wait would never
-  /// end.
+  /// its result. The caller must hold the GIL. A Python thread forks only while it holds the GIL,
+  /// so no other thread can then fork while we check whether the object is in use. Throws
+  /// std::runtime_error in a forked process if the object was in use at the time of the fork: the
+  /// thread that used it does not exist in the new process, so the wait would never end.
   template <typename Work>
   auto use(const Work& work) {
     lock();

@@ -251,9 +251,9 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
   const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
   if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
   if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
-  // The ratio is 1 if the Imu's scale is right, and 0 while the camera has not turned enough. Noise
-  // alone changes it by less than 0.02, so if it differs by more than kScale from 0 and from 1, the
-  // scale is wrong.
+  // `ratio`: rotation measured by the Imu, divided by the rotation in the pictures. It is 1 if the
+  // Imu's scale is right, and 0 while the camera has not turned enough. Noise alone changes it by
+  // less than 0.02, so if it differs by more than kScale from both 0 and 1, the scale is wrong.
   constexpr double kScale = 0.04;
   if (std::abs(ratio) > kScale && std::abs(ratio - 1.0) > kScale) {
     return what + util::format(": it is %.2f times what the pictures show", ratio);
@@ -465,12 +465,12 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 std::string shutterTrouble(const GroundEstimate& estimate, double readout_time) {
-  // The estimator uses a given readout_time as the mean of a prior whose standard deviation is a
-  // tenth of this value, so the estimate is pulled towards it. If the estimate still differs from
-  // the value by more than three of these standard deviations (kShare), and by more than kCertain
-  // of its own, the images clearly contradict the value.
+  // The estimator assumes that a given readout_time is right within a standard deviation of a tenth
+  // of this value, so it pulls the estimate towards the value. If they still differ by more than
+  // three of these standard deviations (kShare: as a share of the value), and by more than kCertain
+  // standard deviations of the estimate itself, the images clearly contradict the value.
   constexpr double kShare = 0.3;
-  constexpr double kCertain = 5.0;  // number of standard deviations of the estimate
+  constexpr double kCertain = 5.0;
   if (readout_time == -1.0) return "";
   const double misfit = std::abs(estimate.readout_time - readout_time);
   const double least =

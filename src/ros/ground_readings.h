@@ -24,7 +24,7 @@ class GroundReadings {
   /// `tf` must outlive this object.
   explicit GroundReadings(const tf2::BufferCore& tf) : tf_(tf) {}
 
-  /// `range_topic`, `imu_topic`: names of the topics, only for the texts of explanations.
+  /// `range_topic`, `imu_topic`: names of the topics; used only in the texts that explain problems.
   void configure(const GroundMotionConfig& config, const std::string& range_topic,
                  const std::string& imu_topic) {
     config_ = config;
@@ -52,9 +52,9 @@ class GroundReadings {
   /// Reason why the newest frame has no rotation from the gyroscope; empty if it has one, or if the
   /// gyroscope is not used.
   const std::string& noTurn() const { return no_turn_; }
-  /// Call this once for each frame, with its estimate. If no usable height or normal came for more
-  /// than a second, changes the status to no_height or no_normal, which means that there is no
-  /// pose. Otherwise returns the estimate unchanged.
+  /// Call this once for each frame, with its estimate. If the estimate has a pose, but no usable
+  /// height or normal came for more than a second, changes the status to no_height or no_normal, so
+  /// that the pose is not used. Otherwise returns the estimate unchanged.
   GroundEstimate withPatience(GroundEstimate estimate);
   /// Reason why no motion is known for the newest frame; empty if the motion is known.
   std::string problemOf(const GroundEstimate& estimate) const;

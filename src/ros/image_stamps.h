@@ -19,11 +19,11 @@ class ImageStamps {
   static const char* nameOf(Wrong wrong);
 
   /// Checks the stamp of the next image and returns what is wrong with it. `arrival`: time of the
-  /// computer's clock when the image arrived; zero: unknown. If the delay from stamp to arrival was
-  /// steady so far, detects a stamp that is ahead of its time at once; do not use its image. If the
-  /// next stamp is ahead, too, accepts it, because the camera's clock was probably set. If the
-  /// computer's clock went back, for example because a recording is played in a loop, a stamp that
-  /// goes back, too, is right.
+  /// computer's clock when the image arrived; zero: unknown. If the delays from stamp to arrival
+  /// were steady so far, returns `ahead` for a stamp that is much later than they predict; do not
+  /// use its image. If the next stamp is ahead as well, accepts it, because the camera's clock was
+  /// probably set. If the computer's clock went back, for example because a recording is played in
+  /// a loop, a stamp that goes back as well is right.
   Wrong wrongWith(const ros::Time& stamp, const ros::Time& arrival);
   /// The newest stamp that is known to be wrong. If a stamp was ahead of its time but was accepted,
   /// the next stamp seems to go back, so wrongWith() first calls that next stamp wrong. Only the

@@ -43,8 +43,8 @@ void keep(double value, std::size_t most, std::vector<double>& values) {
 
 bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& last,
                       std::int64_t last_stamp) {
-  // Seconds; longer intervals are stored as this value, because cameras with less than four images
-  // a second are rare.
+  // Seconds; longer intervals are stored as this value. Otherwise a pause would make patience() too
+  // long. Cameras with less than four images a second are rare.
   constexpr double kLongest = 0.25;
   constexpr std::size_t kIntervals = 8;
   if (image.empty() || image.size() != last.size() || image.type() != last.type()) return false;
@@ -57,8 +57,9 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   // If the messages have no stamps, `seconds` is 0. Then we cannot tell a camera that stands still
   // from a camera that repeats images, so the image is not called a repetition.
   if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
-  // Store the interval, but not while the camera stands still. The first equal image after
-  // patience() has passed is stored, too, because it may be a repetition that came late.
+  // Store the time since the last new image, but not while the camera stands still. For the first
+  // equal image that comes after patience() has passed, the time is stored, because the image may
+  // be a repetition that came late.
   if (seconds > 0.0 && !(is_same && stands_still_)) {
     keep(std::min(seconds, kLongest), kIntervals, intervals_);
   }

@@ -26,7 +26,8 @@ class Repeats {
   bool isInLowerGroup(double difference);
   double patience() const;
 
-  // Differences of the newest images from the last image that was no repetition, grey levels.
+  // For each of the newest images: its mean absolute difference from the last image before it that
+  // was not a repetition, grey levels.
   std::vector<double> differences_;
   std::vector<double> intervals_;  // times from one new image to the next, s
   bool stands_still_ = false;

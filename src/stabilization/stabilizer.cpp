@@ -13,8 +13,8 @@ namespace {
 
 using util::requireInRange;
 
-// The smoothing uses only the frames that are at most this many standard deviations of the Gaussian
-// weights earlier or later than the smoothed frame.
+// How far the smoothing looks before and after a frame, in standard deviations of the Gaussian
+// weights. Frames farther away in time are not used.
 constexpr double kReach = 3.0;
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
@@ -22,10 +22,10 @@ constexpr double kFadingTime = 0.5;    // s
 // smoothing needs more of the margin (see smoothed()), so the share is larger.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
-// Weight of the assumption that the camera stands still; used only with a lag of 0. For comparison:
-// at 30 frames per second, the earlier frames determine the slope of the fitted line with a weight
-// of 5, the sum of weight * (time - mean time)². So 0.1 is small: it delays an even motion by only
-// 0.01 s.
+// Weight of the assumption that the camera stands still, so that the slope of the fitted line is 0;
+// used only with a lag of 0. It is small compared with the weight with which the earlier frames
+// determine the slope: the sum of weight * (time - mean time)², which is 5 at 30 frames per second.
+// So the assumption delays an even motion by only 0.01 s.
 constexpr double kStillness = 0.1;
 
 double seconds(std::int64_t nanoseconds) {
@@ -170,8 +170,9 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   return line.value();
 }
 
-/// Computes the homography that moves the corners of the frame by `wanted`, px. If it would show
-/// something beyond the border of the frame, makes the motion smaller.
+/// Computes the homography that moves the corners of the frame by `wanted`, px. If this motion
+/// needs a large share of the margin (see saturated()), makes it smaller, so that nothing beyond
+/// the border of the frame is shown.
 Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
   const Corners corners = homography::imageCorners(size_, {});
   const double area = static_cast<double>(size_.area());

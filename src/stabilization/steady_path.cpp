@@ -22,8 +22,9 @@ using Corners = std::array<Eigen::Vector2d, 4>;
 using Points = std::vector<Eigen::Vector2d>;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
 
-// Weights of the first, second and third difference of the camera's position over time. The values
-// are from the paper that steady_path.h cites.
+// Weights in the sum that steadyPath() minimises: of the motion that remains in the steady picture,
+// of its change, and of the change of its change. The values are from the paper that steady_path.h
+// cites.
 constexpr double kStanding = 10.0;
 constexpr double kEven = 1.0;
 constexpr double kAccelerating = 100.0;
@@ -144,10 +145,10 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
   return found;
 }
 
-/// For each frame, adds two unknowns to the program: how far the point still moves in the steady
-/// picture, in x and in y. This motion is the point's position in the window of this frame minus
-/// the position to which the homography maps it from the previous frame. Near the corrections in
-/// track.best, it is a linear function of the corrections.
+/// For each frame, adds two unknowns to the program: how far the scene at the point still moves in
+/// the steady picture, in x and in y. This motion is the position to which the homography maps the
+/// point from the previous frame, minus the position of the point in this frame. Near the
+/// corrections in track.best, it is a linear function of the corrections.
 Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
                  const std::vector<std::array<int, 2>>& corrections) {
   Unknowns found(corrections.size());
@@ -213,8 +214,8 @@ void solve(const Steps& steps, Track& track) {
   }
 }
 
-/// Removes homographies that mirror the frame or move a part of it behind the camera; the path
-/// begins anew there.
+/// Removes homographies that mirror the frame or move a part of it behind the camera; at such a
+/// frame a new path begins.
 Steps usableSteps(const Steps& steps, const Corners& corners) {
   Steps usable = steps;
   for (auto& step : usable) {

@@ -158,10 +158,11 @@ Appearance::Agreement Appearance::agreementAt(int dx, int dy) const {
   return agreement;
 }
 
-/// Returns the sum of the hits and pairs at all decoy positions. There, the picture is shifted by
-/// up to kDecoyReach blocks, so all hits are chance hits. The sum begins with one hit in one pair,
-/// so that the rate of chance hits is never 0. Raises `largest` to the highest share of hits at any
-/// decoy position with at least `fewest` pairs of blocks.
+/// Compares the picture with the frame at decoy positions: shifted by up to kDecoyReach blocks, so
+/// that all hits are chance hits. Returns the sum of the hits and of the pairs over all decoy
+/// positions, plus one hit in one pair, so that the rate of chance hits is never 0. Raises
+/// `largest` to the highest share of hits at any decoy position with at least `fewest` pairs of
+/// blocks.
 Appearance::Agreement Appearance::agreementOfDecoys(double fewest, double& largest) const {
   Agreement decoys{1.0, 1.0};
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
@@ -180,7 +181,8 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const FramePyramid& frame, double tests,
                                            double above_neighbours) {
-  // A block has texture if the standard deviation of its grey values is larger than this.
+  // A block of the picture or of the frame has texture if the standard deviation of its grey values
+  // is larger than this.
   constexpr float kPictureDeviation = 6.F, kFrameDeviation = 3.F;
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;

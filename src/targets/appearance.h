@@ -15,11 +15,11 @@ struct FramePyramid {
   double enlargement = 1.0;   ///< size of level 0 divided by the size of the camera image
 };
 
-/// Compares a picture with the frame, block by block, after mapping it there by a homography: two
+/// Compares a picture, mapped to the frame by a homography, with the frame, block by block: two
 /// blocks look alike (a hit) if their grey values correlate. Also measures the rate of chance hits:
 /// the share of hits when the blocks of the picture are compared with wrong blocks of the frame
-/// nearby. So a repetitive picture, whose blocks all look alike, gives no evidence. Reuses its
-/// buffers.
+/// nearby. If all blocks of a picture look alike, this rate is high, so its hits give no evidence.
+/// Reuses its buffers.
 class Appearance {
  public:
   struct Similarity {
@@ -30,10 +30,10 @@ class Appearance {
     bool differs = false;    ///< true if most textured blocks in view do not look alike
   };
 
-  /// A facade or a text still looks similar when shifted by one window or one line. So the share of
-  /// blocks that look alike at the homography's position must be at least this many times as large
-  /// as at any nearby position. If a track predicts the position, the share only has to be the
-  /// largest (factor 1).
+  /// The share of blocks that look alike at the homography's position must be at least this many
+  /// times as large as at any nearby position, because a facade or a text still looks similar when
+  /// shifted by one window or one line. If a track predicts the position, the share only has to be
+  /// the largest (factor 1).
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 

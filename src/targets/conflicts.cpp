@@ -136,10 +136,11 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
 }
 
 /// Returns true if a part of the image, such as a text, clearly differs from the picture found in
-/// it, and is so large that conflicts() can tell the two pictures apart. Measured: in 350 copies of
-/// pictures with other light, scale and blur, found in the right place, at most 0.031 of the blocks
-/// differ. In different signs that have the upper half and one word of the lower half in common, at
-/// least 0.041 differ. Glare with a sharp edge may change 0.08 of the blocks.
+/// it, and is so large that conflicts() can tell the two pictures apart. kLeastShare lies between
+/// two measurements: in 350 copies of pictures with other light, scale and blur, found in the right
+/// place, at most 0.031 of the blocks differ; in different signs that have the upper half and one
+/// word of the lower half in common, at least 0.041 differ. Glare with a sharp edge may change 0.08
+/// of the blocks, so it may be taken for a difference.
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;

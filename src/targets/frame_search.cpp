@@ -16,9 +16,9 @@ namespace {
 // the index returns only the most similar keypoints of all targets, so each target has few wrong
 // pairs.
 constexpr std::int32_t kFewestIndexVotes = 2;
-// A seed is grown only if it has at least this many votes. The number is higher because here each
-// keypoint of the frame is paired with the most similar keypoint of this one target, so there are
-// many wrong pairs.
+// When a target is tried, a seed is grown only if it has at least this many votes. The number is
+// higher than kFewestIndexVotes because each keypoint of the frame is then paired with the most
+// similar keypoint of this one target, so there are many wrong pairs.
 constexpr std::int32_t kFewestVotes = 5;
 // Like kFewestVotes, but for further instances after one instance of the target was found. It is
 // higher because most frames show only one instance.
@@ -59,7 +59,8 @@ void FrameSearch::lookUp(std::size_t turn, std::size_t count) {
   store_.index().search(bits_, queries_, hits_);
 }
 
-/// The pictures of a target have consecutive numbers, so its sorted hits are consecutive, too.
+/// Sorts the hits by picture, and makes a candidate of each target with enough votes. The pictures
+/// of a target have consecutive numbers, so all its hits are next to each other after sorting.
 const std::vector<Candidate>& FrameSearch::candidates() {
   std::sort(hits_.begin(), hits_.end(), [](const IndexHit& a, const IndexHit& b) {
     if (a.picture != b.picture) return a.picture < b.picture;
@@ -83,8 +84,9 @@ const std::vector<Candidate>& FrameSearch::candidates() {
   return candidates_;
 }
 
-/// Searches with the fast tables first, which find most targets. If they find none, searches with
-/// the thorough tables, but only if many pairs agreed: otherwise these tables seldom help.
+/// Searches with the fast tables first, which find most targets. If no instance is found, searches
+/// with the thorough tables, but only if a seed had kFewestThoroughVotes votes or more: with fewer
+/// votes, these tables seldom help.
 int FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
   const int count = searchWith(tables_, target, found);
   if (count > 0 || most_votes_ < kFewestThoroughVotes) return count;

@@ -152,8 +152,9 @@ bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, doub
 /// Computes the sums of each band of rows. Returns the sum of the squared errors of all patches, in
 /// x and in y, px².
 Eigen::Vector2d PictureAligner::sumBands(const Eigen::Matrix3d& homography) {
-  // Height of a band, px. The rows of a band move together, because the readout of some hundred
-  // rows takes as long as one period of a motor's vibration.
+  // Height of a band, px. A motor's vibration displaces all rows of a band by nearly the same
+  // amount, because the camera reads some hundred rows, many more than a band has, during one
+  // period.
   constexpr double kBand = 16.0;
   constexpr double kLargest = 3.0;  // px; a larger error is a wrong match
   bands_.clear();

@@ -147,8 +147,8 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
   // The verdict also counts the matches of the same homography after a shift by a period of the
-  // scene, such as the distance between two windows. We exclude longer shifts, because they lead to
-  // another copy of the target beside this one.
+  // scene, such as the distance between two windows. We limit these shifts to 0.6 of the target's
+  // shorter side, because a longer shift may lead to another copy of the target beside this one.
   const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =

@@ -13,9 +13,10 @@ namespace ktgp_orb::targets {
 /// size, because a target below kSmallSide has too few keypoints. A frame whose longer side is
 /// below 480 px is enlarged up to four times, because targets are smaller there. The longer side of
 /// an enlarged frame is at most kLargestFrame. So a frame longer than half of this limit is
-/// enlarged by a factor of less than two, and a frame longer than four fifths of it is not
-/// enlarged. A frame longer than kLargestFrame is shrunk, because the pyramid cannot find a target
-/// that fills it. Reuses its buffers.
+/// enlarged by a factor of less than two. A frame longer than four fifths of it is not enlarged,
+/// because a factor below 1.25 hardly helps. A frame longer than kLargestFrame is shrunk, because
+/// the pyramid has no level that is small enough to find a target that fills it. Reuses its
+/// buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);

@@ -366,11 +366,12 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Refines the homography by aligning patches with the original frame, in two cases. First, if the
-/// searched frame was shrunk: it shows fewer details than the original, which matters if the
-/// resolution of the picture is high enough. Second, if the searched frame was enlarged: its blur
-/// is wider, so a patch shows fewer details. In the second case, small targets are not refined,
-/// because they have too few patches in the original frame.
+/// Refines the homography by aligning patches of the picture with the original frame instead of the
+/// searched frame, in two cases. First, if the searched frame was shrunk: the original frame shows
+/// more details. This helps only if the picture shows them, too, so it must not be stretched by
+/// more than kMostStretch in the original frame. Second, if the searched frame was enlarged: a
+/// patch of it has a wider blur and so shows fewer details. In the second case, small targets are
+/// not refined, because they have too few patches in the original frame.
 void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // largest scale from the picture to the original frame
   if (frame->own().empty()) return;
@@ -394,11 +395,12 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
 }
 
 /// Refines the instances in `found` from index `begin` on, and moves instances with undetermined
-/// corners to search.undetermined(). If the images could not be aligned, the frame is blurred or
-/// dark, or the view is steep. Then the covariance is multiplied by kSharedDisplacement. Blur
+/// corners to search.undetermined(). Multiplies the covariance by kSharedDisplacement if the images
+/// could not be aligned, which happens if the frame is blurred or dark, or the view is steep. Blur
 /// displaces neighbouring keypoints together, so many keypoints give hardly more information than a
-/// few. In synthetic frames with 4 to 20 px of blur, the squared errors of the corners were 10 to
-/// 140 times the variances of the covariance, and some corners were 20 px off.
+/// few, and the covariance of the fit is too small. In synthetic frames with 4 to 20 px of blur,
+/// the squared errors of the corners were 10 to 140 times as large as this covariance predicts, and
+/// some corners were 20 px off.
 void TargetFinder::Impl::settle(std::size_t begin) {
   constexpr double kSharedDisplacement = 36.0;
   const bool has_images = !frame->features().images.empty();

@@ -41,8 +41,8 @@ void TargetIndex::optimise() {
   const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  // Merging drops the removed entries. If they are many, merge even while targets keep changing, so
-  // that the index does not grow without limit.
+  // Merging drops the removed entries. If they outnumber the entries of the largest segment, merge
+  // even while targets keep changing, so that the index does not grow without limit.
   if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 
@@ -118,7 +118,7 @@ void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) cons
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  // In this case, the hit is already in the list, because another table has found it, too.
+  // If an equal entry is already at this place, another table has found the same hit before.
   if (place != nearest.end() && !before(hit, *place)) return;
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();

@@ -16,7 +16,8 @@ namespace {
 // because beyond the border the frame shows something else.
 constexpr double kInside = 0.35;
 // The image and its views get a pyramid with this many levels at each of kSizes. All pyramids
-// together reach down to a tenth of the image's size, and each level has enough keypoints.
+// together reach down to about an eighth of the image's size (with a scale factor of 1.2), and each
+// level has enough keypoints.
 constexpr int kLevels = 5;
 // Sizes at which the image and its tilted views are stored: the scale, and the number of keypoints
 // as a share of the wanted number.

@@ -14,8 +14,9 @@
 namespace ktgp_orb {
 namespace {
 
-// If the squared error of a fitted pose is larger, the covariance is too small (99 % quantile of
-// chi-square with two degrees of freedom).
+// Largest squared error of a fitted pose (see PlanarPose) that agrees with the covariance; if the
+// error is larger, the covariance is too small. The limit is the 99 % quantile of chi-square with
+// two degrees of freedom.
 constexpr double kMostMisfit = 9.21;
 
 /// Chooses points so that any two of them are at least `apart` px apart, in x or in y. Returns
@@ -86,8 +87,8 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
 
 void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
                                       UncertainHomography& answer) {
-  // Longest time since the previous detection, s. After a longer time, a hand-held camera may have
-  // changed its speed.
+  // Maximum age, s, of the previous detection from which we compute how the camera moves. After a
+  // longer time, a hand-held camera may have changed its speed.
   constexpr double kLongest = 0.2;
   const auto age = [&](const Seen& one) { return 1e-9 * static_cast<double>(stamp - one.stamp); };
   seen.erase(std::remove_if(seen.begin(), seen.end(),
@@ -136,9 +137,9 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
   PlanarPoses poses = poses_of(found.covariance);
   if (impl_->readout_time != -1.0) return poses;
   // The readout time is unknown, so the covariance of `found` also allows for a distortion by the
-  // shutter. With this covariance, the fit of the pose attributes large errors to the shutter, and
-  // may find no pose. So if the errors are larger than the covariance explains, we enlarge the
-  // noise and fit the pose again.
+  // shutter. If there are other large errors, the fit of the pose attributes them to the shutter,
+  // too, and may find no pose. So if the errors are larger than the covariance explains, we enlarge
+  // the noise in the covariance and fit the pose again.
   const PlanarPoses fitted = poses.poses.empty() ? poses_of(noise) : poses;
   if (fitted.poses.empty()) return poses;
   const double misfit = fitted.poses[0].squared_error / kMostMisfit;

@@ -11,8 +11,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// Minimum number of keypoints of an image; the keypoints of its tilted views are not counted. A
-// match needs twelve pairs of keypoints.
+// Minimum number of keypoints of an image; the keypoints of its tilted views are not counted. To
+// find a target by keypoints, a search needs eight pairs (kTargetPlan.fewest_pairs).
 constexpr std::size_t kFewestKeypoints = 40;
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {

@@ -75,9 +75,9 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
 // clock that was set back.
 constexpr double kWentBack = 1.0;
 
-/// Returns true if the clock was set back before the message at `place`: all messages before it
-/// have later stamps, by more than kWentBack, than all messages from it on. A single wrong stamp,
-/// or one publisher whose stamps are in the future, does not count as a restart.
+/// Returns true if the clock was set back before the message at `place`: the stamps of all messages
+/// before it are more than kWentBack later than the stamps of all messages from it on. A single
+/// wrong stamp, or one publisher whose stamps are in the future, does not count as a restart.
 template <typename Message>
 bool isRestart(const std::vector<Message>& messages, std::size_t place) {
   // Compare at most this many messages before `place` with at most this many from `place` on.

@@ -158,8 +158,8 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
     ScenePoint point;
     point.pair = i;
     point.position = depth * q;
-    // `by_inverse`: derivative of the target point with respect to the inverse depth, px. It
-    // determines the depth error along the ray. `across`: error across the ray.
+    // `by_inverse`: how far the target point moves per unit of inverse depth, px. The standard
+    // deviation of the depth follows from it. `across`: standard deviation across the ray.
     const Eigen::Vector3d seen = a + inverse_depth * b;
     const double by_inverse = slope.norm() / seen.z();
     const double depth_deviation = std::sqrt(2.0) * scale / by_inverse * depth * depth;

@@ -355,8 +355,8 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
     if (round > 0 && near_ == used_) break;
     fit_.weights().reset(n, 1, freedom);
     std::swap(near_, used_);
-    // If the fit ends because rounding errors spoil a step, it has converged; the bread is then
-    // finite.
+    // The fit also ends as `undetermined` if only rounding errors prevent a better step. Then it
+    // has converged, and all entries of breadOf() are finite.
     if (fit_.minimise(problem_, kRules, geometry) == estimation::FitEnd::undetermined &&
         !estimation::breadOf(fit_.sums()).allFinite()) {
       return false;

@@ -21,9 +21,9 @@ struct Hypothesis {
 /// refine() fits the best of the motions passed to start(), each with the same fit over all pairs.
 /// The likelihood of a pair is a mixture: Student's t distribution of its distance
 /// (EpipolarPairs::distance, which includes the chirality) for right pairs, and a uniform
-/// distribution for wrong pairs. The gain of a pair is the logarithm of its likelihood divided by
-/// the likelihood of a wrong pair. The motion with the largest sum of gains explains the pairs
-/// best.
+/// distribution for wrong pairs. The gain of a pair is log(L / L0), where L is its
+/// likelihood and L0 is the likelihood of a wrong pair. The motion with the largest sum of gains
+/// explains the pairs best.
 ///
 /// The difference of two sums tells how much more likely one motion is, but neighbouring pairs are
 /// not independent: they may be on a moving object, or be mismatched in the same way. So the
@@ -44,8 +44,8 @@ class Hypotheses {
   /// starts. Before that, chooses the sign of its translation so that most points are in front of
   /// the cameras.
   void start(const RelativePose& motion);
-  /// Fits the best starts. Then the list holds the fitted motions with both signs of the
-  /// translation, each only once, best first.
+  /// Fits the best of the motions that were passed to start(). Afterwards list() contains each
+  /// fitted motion with both signs of its translation, without duplicates, best first.
   void refine();
   /// Replaces the list by `motions`, without refining them. If `motions` does not contain the best
   /// motion of the old list, this motion stays as a rival. It gets at most the probability of the

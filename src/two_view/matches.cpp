@@ -61,7 +61,7 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
 /// accurate.
 void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
                                  TwoViewMatches& result) {
-  constexpr double kLater = 1.0;  // added to the ratio of unaligned pairs; no ratio is larger
+  constexpr double kLater = 1.0;  // puts unaligned pairs last, because no ratio is above 1
   result.pairs = keypoints;
   result.aligned.assign(keypoints.size(), 0);
   deviations.assign(keypoints.size(), kKeypointDeviation);

@@ -8,11 +8,12 @@
 
 namespace ktgp_orb {
 
-/// Linear: calibrated cameras of data sets with a known motion have 0.02 to 0.06 px. The others are
-/// assumptions: a calibration is good to 1 % of the focal length, few lenses change by more than
-/// 0.3 % between two images, and many rolling shutters read for a third of the interval. On 179
-/// motions that no constant was chosen from, 95 % are then within the bound of 99.9 %, and 93 %
-/// without the readout (doc/measurements/two_view.md).
+/// `linear` was measured: the calibrated cameras of data sets with a known motion have 0.02 to
+/// 0.06 px. The other values are assumptions: a calibrated focal length is good to 1 %, few lenses
+/// change it by more than 0.3 % between two images, and many rolling shutters read an image for a
+/// third of the time between two images. Of 179 motions from which no value was chosen, 95 % are
+/// then within the 99.9 % bound of the covariance; without `readout`, 93 %
+/// (doc/measurements/two_view.md).
 SharedErrors SharedErrors::ofRealCameras() {
   SharedErrors errors;
   errors.linear = 0.05;

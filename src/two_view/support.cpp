@@ -76,8 +76,8 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   double least = 0.0;
   for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
     // Computes the number of false alarms if the first k + 1 pairs agree by chance, and no others;
-    // p is the largest `chance` of these pairs. Skips k if chance is expected to give so many
-    // pairs.
+    // p is the largest `chance` of these pairs. Skips k if so many pairs are expected to
+    // agree by chance.
     const double p = chance[order_[k]];
     const double log_subsets = false_alarms.next(p);
     const auto others = static_cast<double>(order_.size() - k - 1);

@@ -247,9 +247,9 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
 }
 
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  // Lower limits of the distances from the epipolar line, px: without the first, exact points would
-  // make any model significant; the second is there because lens and shutter distort images by
-  // about 0.2 px.
+  // Lower limits of the distances from the epipolar line, px. Without kLeastDistance, exact points
+  // would make any model significant. kLeastParallax is needed because lens and shutter distort
+  // images by about 0.2 px.
   constexpr double kLeastDistance = 0.5;
   constexpr double kLeastParallax = 0.2;
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);

@@ -72,7 +72,9 @@ bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
                                  double reach) {
-  constexpr double kMaxStretch = 4.0;  // largest stretch or compression between the two levels
+  // A patch that is stretched or compressed by this factor or more, from the level of the reference
+  // to the level of the target, is too distorted.
+  constexpr double kMaxStretch = 4.0;
   AlignedPatch result;
   if (!((homography * point.homogeneous()).z() > 0.0)) return result;
   const Eigen::Matrix2d full = homography::jacobianByPoint(homography, point);

@@ -115,9 +115,10 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    // There are always at least three rounds. A register seldom has more than three maxima, and a
-    // branch that depends on their number would often be mispredicted. A round without a maximum
-    // writes, but does not advance `found`.
+    // Each round writes one maximum. There are always at least three rounds: a register seldom has
+    // more than three maxima, and a branch that depends on their number would often be
+    // mispredicted. A round without a maximum writes a meaningless index, but does not advance
+    // `found`.
     for (int round = 0; round < 3 || bits != 0; ++round, bits &= bits - 1) {
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));

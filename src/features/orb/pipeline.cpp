@@ -161,7 +161,7 @@ void OrbPipeline::detectAndBlur(Band& band) {
 /// If the frame has few corners, for example because it is dark or blurred, detects again with half
 /// of the threshold, then with a quarter of it, and so on.
 void OrbPipeline::detectWeaker() {
-  constexpr int kFew = 4;      // a frame with fewer than max_features / kFew corners has few
+  constexpr int kFew = 4;      // a frame has few corners if it has fewer than max_features / kFew
   constexpr int kWeakest = 5;  // grey values; corners below this threshold are noise
   const int bands = levels_[pyramid_.used() - 1].last_band;
   const auto has_few = [&] {

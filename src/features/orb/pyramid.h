@@ -42,7 +42,7 @@ class Shrinker {
   ResizeAxis columns_;
   ResizeAxis rows_;
   std::vector<std::uint16_t> buffers_[2];
-  int buffered_row_[2] = {-1, -1};  // numbers of the source rows in the two buffers, or -1
+  int buffered_row_[2] = {-1, -1};  // source row in each of the two buffers; -1: none
 };
 
 struct PyramidLevel {

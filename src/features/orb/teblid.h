@@ -9,10 +9,10 @@
 
 namespace ktgp_orb::orb {
 
-/// The TEBLID-256 descriptor (see teblid_table.h) of a keypoint, from the integral image
-/// (cv::integral, CV_32S, modulo 2^32): 32 bytes, whose first bit is the highest bit of the first
-/// byte. The patch of 32 px is scaled to the keypoint's size and rotated by its angle (degrees;
-/// negative: not rotated).
+/// Computes the TEBLID-256 descriptor (see teblid_table.h) of a keypoint from the integral image
+/// (cv::integral, CV_32S, modulo 2^32). Writes 32 bytes; the descriptor's first bit is the highest
+/// bit of the first byte. The patch of 32 px is scaled to the keypoint's size and rotated by its
+/// angle (degrees; negative: not rotated).
 ///
 /// Works for any keypoint. If a box leaves the image, its mean is taken over the part inside the
 /// image, or over the nearest pixels if no part is inside. The authors' program (OpenCV's

@@ -13,8 +13,8 @@ namespace ktgp_orb::orb {
 /// Largest radius of the table's boxes, in px of the patch; the smallest radius is 1.
 constexpr int kTeblidRadii = 7;
 
-/// This value is added before truncation, so that halves are rounded up to the next pixel, as in
-/// the authors' program.
+/// This value is added to a coordinate before it is truncated to a pixel, so that halves are
+/// rounded up, as in the authors' program.
 constexpr float kTeblidHalf = 0.5f;
 
 /// TEBLID's bits, ordered by the radius of their boxes, so that consecutive boxes mostly have the

@@ -110,7 +110,8 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
 }
 
 /// If the options do not set the size of the grid, derives it from the number of matches: on
-/// average a cell has as many matches as in the paper's 20 x 20 grid with 1000 matches.
+/// average a cell has as many matches as in the paper's 20 x 20 grid with 1000 matches. This
+/// gives at least 5 and at most 20 cells along each side.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
   constexpr double kMatchesPerCell = 2.5;

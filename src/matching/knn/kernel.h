@@ -21,9 +21,9 @@ namespace ktgp_orb::knn {
 //            with the lower index. Min and max keep the best two keys of every lane without a
 //            branch.
 //
-// The other direction of the search finds the nearest query of each candidate from the same
-// distances. Instead of the half group, its keys contain the number of the query in its chunk. It
-// takes one more minimum per candidate.
+// The search in the other direction finds the nearest query of each candidate. It uses the same
+// distances, so it costs only one more minimum per distance. Instead of the half group, its keys
+// contain the number of the query in its chunk.
 
 constexpr int kKeyNumberBits = 6;
 constexpr int kGroupsPerBlock = (1 << kKeyNumberBits) / 2;
