@@ -63,8 +63,11 @@ struct Panorama {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< rotation axis, in the first camera's frame
   /// True if K was estimated from homographies, not given by setCamera().
   bool is_estimated = false;
-  double degrees = 0.0;     ///< horizontal angle that the map covers, 0..360
-  double closed_off = 0.0;  ///< largest drift measured when a full turn closed, px
+  double degrees = 0.0;  ///< horizontal angle that the map covers, 0..360
+  /// Largest drift over a full turn, px: the distance between a frame's place according to the
+  /// chain of homographies and its place according to the keyframes of the beginning of the turn. 0
+  /// if there was no full turn.
+  double closed_off = 0.0;
 };
 
 /// A picture of a plane, such as the ground below a drone, composed from the frames of a camera.

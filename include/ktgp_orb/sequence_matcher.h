@@ -232,9 +232,11 @@ class SequenceMatcher {
   /// Makes the next frame the fixed reference; the frame after it is the first to be matched.
   void fixNextFrame();
 
-  /// Begins a new sequence with the next frame, but keeps a fixed reference.
+  /// Begins a new sequence with the next frame, but keeps a fixed reference. Like reset(), cancels
+  /// fixNextFrame().
   void restart();
-  /// Forgets every reference, including the fixed one and a call of fixNextFrame().
+  /// Forgets every reference, including the fixed one, and cancels fixNextFrame() if it was called
+  /// since the last frame.
   void reset();
 
  private:

@@ -244,7 +244,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
   constexpr double kDeviations = 2.0;  // in standard deviations; a larger difference is significant
-  constexpr double kElsewhere = 10.0;  // px; a match with a larger reprojection error contradicts
+  constexpr double kElsewhere = 10.0;  // px; smaller errors contradict nothing
   // The rival contradicts only if more than 1 / kShare of its matches contradict `grown`.
   constexpr std::size_t kShare = 4;
   constexpr double kSide = 32.0;  // side of a cell, px

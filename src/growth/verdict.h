@@ -59,8 +59,8 @@ class Verdict {
   static constexpr double kLogMaxFalseAlarms = -6.0;
 
   /// Judges a homography. `predictions`: all its predictions. `first_radius`: search radius of the
-  /// first round, px. `longest_period`: longest shift, px, that counts as a repetition; a longer
-  /// shift leads to another copy of the object.
+  /// first round, px. `longest_period`: a frequent displacement of up to this length, px, counts as
+  /// a repetition of the scene; a longer one leads to another copy of the object and is ignored.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
                   float first_radius, int seeds, LocalMatcher& matcher,
                   float longest_period = std::numeric_limits<float>::max());

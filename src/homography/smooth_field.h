@@ -35,9 +35,10 @@ struct FieldFit {
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// Covariance of H from rounding errors of variance 1 (see SmoothField).
   Eigen::Matrix<double, 8, 8> of_rounding = Eigen::Matrix<double, 8, 8>::Zero();
-  /// Covariance of H from an error that all pairs share, with 2 % of the variance of the noise. In
-  /// sub-pixel registration, interpolation causes an error that is the same for all patches at the
-  /// same position between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
+  /// Covariance of H caused by an error that is the same for all pairs. Its variance is taken as 2
+  /// % of the variance of the noise. Interpolation causes such an error in sub-pixel registration:
+  /// it is the same for all patches at the same position between pixels (Schreier, Braasch &
+  /// Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// Factor, >= 1, by which the variance of the mean error is larger than for independent errors.
   /// It is needed for pairs found by patches of side FieldScales::nearby: if two patches overlap,

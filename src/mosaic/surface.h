@@ -51,8 +51,8 @@ class Surface {
 
   /// Scales the homography: H(2,2) = 1 for the plane, determinant 1 for the cylinder.
   Eigen::Matrix3d scaled(const Eigen::Matrix3d& homography) const;
-  /// On the plane, returns the scaled pose. On the cylinder, returns the nearest pose of a camera
-  /// that only turned, scaled as by scaled().
+  /// Returns the pose `from_map`, scaled as scaled() does. On the cylinder, first replaces it by
+  /// the nearest pose of a camera that only turned.
   Eigen::Matrix3d fitted(const Eigen::Matrix3d& from_map, const cv::Size& size) const;
   /// Deviation of the pose from the nearest pose of a camera that only turned, px (rms); 0 for the
   /// plane.

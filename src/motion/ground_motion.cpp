@@ -143,13 +143,13 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
 }
 
 /// Returns true if the frame must be left out because its stamp is older than the previous one; see
-/// StampOrder. A frame without a homography is passed to StampOrder only if its stamp is older: it
-/// gives no pose, so a stamp ahead of its time does no harm.
+/// StampOrder. A frame without a homography gives no pose, so a stamp that is too late does no
+/// harm, and StampOrder only checks such a frame if its stamp is older than the previous one.
 bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (!frame.answer && !order.isBehind(frame.stamp)) return false;
   const util::StampOrder::Place place = order.next(frame.stamp);
   if (place.restarted) has_pose = is_connected = false;
-  // An accepted stamp was ahead of its time, so the last velocity is based on a wrong duration.
+  // The newest accepted stamp was too late, so the last velocity is based on a wrong duration.
   if (place.was_one_ahead) velocity.interrupt();
   if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;

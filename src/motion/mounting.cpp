@@ -239,9 +239,9 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     is_known = is_known || std::isfinite(deviation);
   };
   report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
-  // In `unknowns_`, the scale error is a share of the reading, and the bias is measured in true
-  // rad/s. In the result, the scale error is a share of the true rotation, and the bias is in rad/s
-  // as the Imu states them.
+  // Converts the scale error and the bias.
+  // In `unknowns_`: true velocity = (1 - scale error) * reading - bias.
+  // In the result: reading = (1 + scale error) * true velocity + bias.
   imu.scale_error = unknowns_(kScale);
   report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);

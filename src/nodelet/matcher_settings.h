@@ -29,8 +29,9 @@ class MatcherSettings {
   /// The next two functions throw RefusedImage for an unusable image.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
-  /// Reads the reference file again if it has changed. If `at_once` is false, waits until the file
-  /// is the same in two successive calls, because it may be half written. Throws RefusedImage.
+  /// Reads the reference file again if it has changed. If `at_once` is false, reads it only if the
+  /// file was the same in the last call, because it may be half written. Throws RefusedImage.
+  /// Returns true if the file was read.
   bool rereadReference(bool at_once);
   const std::string& referenceFile() const { return reference_file_; }
 

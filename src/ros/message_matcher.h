@@ -9,7 +9,7 @@
 
 namespace ktgp_orb {
 
-/// Warning for users if MatchResult::still is set in most frames.
+/// Warning for users if MatchResult::hasStillThings() is true in most frames.
 constexpr const char* kThingsStandStill =
     "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
     "a "

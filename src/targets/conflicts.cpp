@@ -186,7 +186,8 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
   // A target may be part of another target if at least this share of its points is inside the
   // other's outline.
   constexpr double kMost = 0.7;
-  // Targets are in the same place if the outlines share more than this part of the larger outline.
+  // Targets are in the same place if their outlines overlap by more than this share of the larger
+  // one.
   constexpr double kSamePlace = 0.5;
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;

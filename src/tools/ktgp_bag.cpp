@@ -184,7 +184,8 @@ class Run {
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  /// Prints how many images were matched, and which were unusable. `code`: the result of run().
+  /// Prints how many images were matched, refused and skipped, why the first refused image was
+  /// refused, and any damage of the input. `code`: the result of run().
   void report(const Arguments& arguments, int code) const {
     std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "")
               << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "

@@ -142,8 +142,8 @@ class EpipolarFit {
   /// predicts when the fit leaves out a part of the image. Changes the state that minimise() left.
   double instability(const Epipolar& geometry, double cell, const Covariance6& covariance);
 
-  /// After minimise(): scale of the Sampson distances of pairs with the relative deviation 1,
-  /// normalised units.
+  /// Scale of the Sampson distances, normalised units, for a pair whose relative standard deviation
+  /// is 1. minimise() estimates it.
   double scale() const { return fit_.weights().scale(); }
 
  private:

@@ -276,7 +276,9 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
-  // Points near the plane have a small parallax; wrong pairs are farther from the homography.
+  // A pair with a smaller error under the homography is probably a right pair of a point near the
+  // plane, where the parallax is small. So logParallax() uses it even if it does not agree with the
+  // epipolar geometry. Wrong pairs usually have larger errors.
   constexpr double kNear = 2.0;  // in units of max_error
   displaced.assign(pairs.size(), {});
   for (std::size_t i = 0; i < pairs.size(); ++i) {

@@ -33,8 +33,8 @@ constexpr std::int16_t kNoKey = 32767;
 /// Number of rows of a group: a row for each descriptor byte, then the candidate numbers of both
 /// halves.
 constexpr int kRowsPerGroup = kDescriptorBytes + 2;
-/// Number of rows whose distances can be summed in a byte. In one row, a distance is at most 8
-/// bits.
+/// Number of rows whose distances can be summed in a byte: at most 8 bits differ in a row, so the
+/// sum over 16 rows is at most 128.
 constexpr int kRowsPerSum = kDescriptorBytes / 2;
 /// Number of queries per pass over a block. Each row is read and split only once for all queries of
 /// a pass.
