@@ -226,7 +226,7 @@ std::string SteadyVideo::report() const {
                                : std::to_string(options_.stabilizer.lag) + " frames late";
   const double before = std::sqrt(before_.mean());
   return options_.video +
-         util::format(": %s, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n",
+         util::format(": %s, shake %.2f px before%s, %.2f planned after, %s, %.2f ms a frame\n",
                       util::counted(written_, "frame").c_str(), before,
                       before < kNoShake ? " (none to remove)" : "", std::sqrt(after_.mean()),
                       path.c_str(), milliseconds_ / static_cast<double>(written_));
@@ -270,6 +270,7 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   const std::string why = mosaic_.whyLost();
   unfit_ += why.empty() ? 0 : 1;
   if (!why.empty()) why_unfit_ = why;
+  if (!mosaic_.panorama()) unfit_before_turn_ = unfit_;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
                 .add(textOf(image->header.stamp))
@@ -334,8 +335,11 @@ std::string BagViews::report() const {
     }
     text += panorama();
     if (unfit_ > 0) {
+      const bool before_turn = mosaic_.panorama() && unfit_ == unfit_before_turn_;
       text +=
-          options_.mosaic + ": " + util::counted(unfit_, "frame") + " lost: " + why_unfit_ + '\n';
+          options_.mosaic + ": " + util::counted(unfit_, "frame") + " lost" +
+          (before_turn ? " before the turn was large enough for a cylinder" : ": " + why_unfit_) +
+          '\n';
     }
     if (mosaic_.hasParallax()) {
       text += util::format(

@@ -161,7 +161,8 @@ class BagViews {
   std::optional<sensor_msgs::CameraInfo> camera_;
   Pixels pixels_;
   std::size_t unfit_ = 0;  // number of frames lost because they do not fit on the map's surface
-  std::string why_unfit_;  // why the last of these frames does not fit
+  std::size_t unfit_before_turn_ = 0;  // of these, frames lost before the map was on a cylinder
+  std::string why_unfit_;              // why the last of these frames does not fit
   double place_milliseconds_ = 0.0;
   std::string poses_;
 };

@@ -50,8 +50,11 @@ std::string columns() {
       "target_features,descriptor,knn,tf,gms,prosac,inliers,retention,mean_distance,rms_distance,"
       "reprojection_rmse,";
   homography::visitNumbers([&](const std::string& name) { text += name + ","; });
-  return text + "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms," +
-         files::kHomographyColumns + "," + twoViewColumns() + "error";
+  text += "extraction_ms,";
+  for (int id = 0; id <= static_cast<int>(StageId::two_view); ++id) {
+    text += std::string(toString(static_cast<StageId>(id))) + "_ms,";
+  }
+  return text + "total_ms," + files::kHomographyColumns + "," + twoViewColumns() + "error";
 }
 
 void addKnown(double value, files::CsvRow& row) {
@@ -186,7 +189,15 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
       .add(s.reprojection_rmse);
   homography::visitNumbers([&](const char* /*name*/, double value) { row.add(value); }, s);
   row.add(s.extraction_milliseconds, kTime);
-  for (int i = 0; i < kStages; ++i) row.add(s.stages[i].milliseconds, kTime);
+  // The message has the stages in the order of StageId, without those that are off.
+  auto stage = s.stages.begin();
+  for (int id = 0; id <= static_cast<int>(StageId::two_view); ++id) {
+    if (stage != s.stages.end() && stage->name == toString(static_cast<StageId>(id))) {
+      row.add((stage++)->milliseconds, kTime);
+    } else {
+      row.skip(1);
+    }
+  }
   row.add(s.total_milliseconds, kTime);
   for (const double h : messages.homography->homography) row.add(h, kExact);
   addTwoView(messages.two_view.get(), row);

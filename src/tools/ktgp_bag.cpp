@@ -149,6 +149,8 @@ class Run {
         view_(configuration.view),
         finds_motions_(configuration.sequence.matcher.geometry != GeometryModel::homography),
         is_fixed_(configuration.sequence.reference.mode == ReferenceMode::fixed),
+        growth_is_idle_(configuration.sequence.matcher.growth.enabled &&
+                        configuration.sequence.reference.mode == ReferenceMode::previous),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished),
         max_age_(configuration.sequence.reference.max_age) {
@@ -247,6 +249,11 @@ class Run {
     if (2 * with_still_things_ > found) others += std::string("\n") + kThingsStandStill;
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     others += noteOnGaps();
+    if (growth_is_idle_ && unmatched > 0) {
+      others +=
+          "\ngrowth has no effect with reference_mode previous; with --reference_mode keyframe, "
+          "images that only growth can match are matched, too";
+    }
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return successes(found) +
            util::format(", median of %.0f inliers, %.2f ms an image", metrics::median(inliers_),
@@ -364,6 +371,7 @@ class Run {
   bool finds_motions_;  // whether the matcher estimates two-view geometries
   bool said_no_motion_ = false;
   bool is_fixed_;
+  bool growth_is_idle_;  // growth is on, but it does not run for the previous frame
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;

@@ -195,13 +195,14 @@ std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   if (!matcher.growth.enabled || matcher.growth.views == 0 ||
       options.orb.descriptor != DescriptorKind::teblid) {
     const bool needs_homography = matcher.geometry == GeometryModel::homography;
-    return "these settings are for neighbouring frames of a video; --preset photo" +
-           std::string(needs_homography ? "" : " --geometry auto") +
-           " finds more where the views differ" + more;
+    return "--preset photo" + std::string(needs_homography ? "" : " --geometry auto") +
+           " finds more than these settings if the views differ strongly" + more;
   }
-  return "no plane that both images show was recognised. If they do show one: --features 20000 for "
-         "small details, or cut both images to the common part" +
-         more;
+  constexpr int kMost = 20000;  // largest value of the parameter `features`
+  const bool has_all = outcome.pair.max_features >= kMost;
+  return "no plane that both images show was recognised. If they do show one: " +
+         std::string(has_all ? "" : "--features 20000 for small details, or ") +
+         "cut both images to the common part" + more;
 }
 
 void printMatrix(const Eigen::Matrix3d& m) {

@@ -1,6 +1,7 @@
 """ktgp_bag handles inputs like the nodelet: compressed topics, max_rate, roi, lens."""
 
 import copy
+import csv
 import os
 
 import cv2
@@ -295,6 +296,29 @@ class BagInputsTest(FolderCase):
         near = [view_turned(0.0, 250.0, 0.25 * 1.06 ** i, *SIZE) for i in range(30)]
         self.run_bag(self.write_bag(near), '--mosaic', 'map.png', '--camera', '250,250,159.5,119.5', words=(
             'turned, tilted or moved too far for one plane', 'it does not only turn: the homographies are'))
+
+    def test_growth_that_cannot_run_is_named(self):
+        apart = self.write_bag([view(x, 100, *SIZE) for x in (100, 600)])
+        words = 'growth has no effect with reference_mode previous'
+        self.run_bag(apart, '--preset', 'photo', words=words)
+        self.assertNotIn(words, self.run_bag(apart, '--preset', 'photo', '--reference_mode', 'keyframe'))
+        self.assertNotIn(words, self.run_bag(apart))
+        self.assertNotIn(words, self.run_bag(self.write_bag(views(2)), '--preset', 'photo'))
+
+    def test_the_table_has_the_time_of_every_stage(self):
+        always = ['extraction', 'knn', 'tf', 'gms', 'prosac', 'total']
+        for arguments, ran in (((), ['align']), (('--noguided', '--noalignment'), []),
+                               (('--preset', 'robust', '--reference_mode', 'keyframe'), ['growth', 'guided', 'align']),
+                               (('--preset', 'slam', '--camera', '250,250,159.5,119.5'), ['align', 'two_view'])):
+            with self.subTest(arguments=arguments):
+                self.run_bag(self.write_bag(views(3)), '--csv', 'm.csv', *arguments)
+                with open(self.path('m.csv')) as table:
+                    row = list(csv.DictReader(table))[-1]
+                times = {name[:-3]: float(time) for name, time in row.items() if name.endswith('_ms') and time}
+                self.assertLessEqual(set(always + ran), set(times))
+                self.assertLessEqual(sum(times.values()) - times['total'], 1.001 * times['total'])
+                if not arguments:
+                    self.assertEqual(set(always + ran), set(times))
 
     def test_why_every_image_was_refused_is_said_with_a_video_too(self):
         def no_encoding(image):

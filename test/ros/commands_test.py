@@ -99,8 +99,8 @@ RUN = {
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
         Run(('images/*.png', 'sets/leuven/*.ppm'), ('matched', 'matched_images')),
     "rosrun ktgp_orb ktgp_bag 'flight/*.jpg' matched.bag --rate 0.5 --longest_side 1000 --preset photo "
-    "--mosaic map.png": Run(('flight/*.jpg', 'sets/leuven/*.ppm'), ('matched', 'photographs'), ('1000', '300'),
-                            ('map', 'photographs')),
+    "--reference_mode keyframe --mosaic map.png":
+        Run(('flight/*.jpg', 'sets/leuven/*.ppm'), ('matched', 'photographs'), ('1000', '300'), ('map', 'photographs')),
     "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt":
         AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
