@@ -225,8 +225,9 @@ struct Mosaic::Impl {
   /// last velocity predicts it, or if the frame looks like the map (see difference()). Otherwise a
   /// chain of homographies must lead to the frame. A chain over a gap, or over a frame that was
   /// lost as repetitive, does not count, because such a homography may be a period off, too. The
-  /// pose must then be at most half a period away from the prediction by the last velocity or, if
-  /// that is too old or predicts a motion of at least half a period, by the chain.
+  /// last velocity, if it is not too old, must predict the pose to within half a period or the
+  /// predicted motion, whichever is longer. If it predicts a motion of at least half a period, or
+  /// is too old, the chain must predict the pose to within half a period.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -245,7 +246,8 @@ struct Mosaic::Impl {
     if (difference(from_map) < kSame) return false;
     if (!has_chain) return true;
     const double way = (in_frame(predicted) - in_frame(before)).norm();
-    if (is_predictable && way < half_period) return surprise(predicted) > half_period;
+    if (is_predictable && surprise(predicted) > std::max(half_period, way)) return true;
+    if (is_predictable && way < half_period) return false;
     return surprise(middleInMap(*by_chain)) > half_period;
   }
 
