@@ -13,10 +13,10 @@ namespace {
 // reach 0.65 to 0.95.
 constexpr double kAlike = 0.6;
 
+// In a picture with a smaller standard deviation, grey levels, OpenCV finds a match everywhere.
+constexpr double kLeastContrast = 1.0;
+
 bool isPlain(const cv::Mat& picture) {
-  // In a picture with a smaller standard deviation (in grey levels), OpenCV finds a match
-  // everywhere.
-  constexpr double kLeastContrast = 1.0;
   cv::Scalar mean, deviation;
   cv::meanStdDev(picture, mean, deviation);
   return deviation[0] < kLeastContrast;
@@ -59,13 +59,34 @@ double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   return correlation.at<float>(0, 0);
 }
 
+/// Standard deviation of the blur that leaves only slow changes of brightness, px.
+double slow(const cv::Mat& picture) {
+  return 0.08 * std::max(picture.cols, picture.rows);
+}
+
 /// Removes slow changes of brightness from the picture, because they look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
-  constexpr double kSlow = 0.08;  // standard deviation of the blur, as a share of the longer side
   cv::Mat shades, rest;
-  cv::GaussianBlur(picture, shades, {}, kSlow * std::max(picture.cols, picture.rows));
+  cv::GaussianBlur(picture, shades, {}, slow(picture));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);
   return rest;
+}
+
+/// As above, but ignores the parts where `weight` (CV_32FC1) is 0, and returns 0 there.
+cv::Mat withoutShades(const cv::Mat& picture, const cv::Mat& weight) {
+  cv::Mat rest, shades, share;
+  picture.convertTo(rest, CV_32F);
+  cv::GaussianBlur(rest.mul(weight), shades, {}, slow(picture));
+  cv::GaussianBlur(weight, share, {}, slow(picture));
+  cv::divide(shades, cv::max(share, 1e-3), shades);
+  return (rest - shades).mul(weight);
+}
+
+// Shortest shift that counts as a period, as a share of the longer side.
+constexpr double kShortestPeriod = 0.02;
+
+bool isPeriod(const cv::Point& shift, const cv::Mat& picture) {
+  return cv::norm(shift) >= kShortestPeriod * std::max(picture.cols, picture.rows);
 }
 
 /// Returns the shifts, px, after which the picture looks like itself, up to kLongestPeriod times
@@ -100,23 +121,61 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift) {
   return !is_in_sight || alikeness(withoutShades(picture), shift) >= kAlike;
 }
 
-double shortestPeriod(const cv::Mat& picture) {
-  // The picture is first shrunk until its longer side is this long, px; a period of 2 % of this
-  // side is still nearly 4 px long.
+cv::Mat shrunk(const cv::Mat& picture) {
+  // A period of kShortestPeriod is then still nearly 4 px long.
   constexpr double kCopySide = 192.0;
-  // Shortest shift that counts as a period, relative to the longer side.
-  constexpr double kLeast = 0.02;
   const double scale = std::min(1.0, kCopySide / std::max(picture.cols, picture.rows));
   const auto side = [scale](int length) { return std::max(8, cvRound(scale * length)); };
   cv::Mat copy;
   cv::resize(picture, copy, {side(picture.cols), side(picture.rows)}, 0, 0, cv::INTER_AREA);
+  return copy;
+}
+
+double alikeness(const cv::Mat& one, const cv::Mat& other, const cv::Mat& mask) {
+  constexpr double kLeastShare = 0.02;
+  const int pixels = cv::countNonZero(mask);
+  if (pixels < kLeastShare * static_cast<double>(mask.total())) return 0.0;
+  cv::Mat weight;
+  cv::Mat(mask != 0).convertTo(weight, CV_32F, 1.0 / 255.0);
+  const cv::Mat a = withoutShades(one, weight), b = withoutShades(other, weight);
+  const double least = pixels * kLeastContrast * kLeastContrast;
+  if (a.dot(a) < least || b.dot(b) < least) return 0.0;
+  return a.dot(b) / std::sqrt(a.dot(a) * b.dot(b));
+}
+
+double alikenessToItself(const cv::Mat& picture) {
+  // A corner can look less like its moved copy than the whole picture does.
+  constexpr double kLeast = 0.25;
+  const cv::Mat detail = withoutShades(picture);
+  std::vector<cv::Point> shifts = alikeShifts(detail, detail, kLeast);
+  const std::vector<cv::Point> far = farShifts(picture, kLeast);
+  shifts.insert(shifts.end(), far.begin(), far.end());
+  double most = 0.0;
+  cv::Point best;
+  for (const cv::Point& shift : shifts) {
+    const double alike = isPeriod(shift, picture) ? alikeness(detail, shift) : 0.0;
+    if (alike <= most) continue;
+    most = alike;
+    best = shift;
+  }
+  if (most == 0.0) return 0.0;
+  // The shades near the border of the whole picture differ from those of its moved copy.
+  const cv::Rect all({0, 0}, picture.size());
+  const cv::Rect moved = all & (all + best);
+  return alikeness(picture(moved), picture(moved - best), cv::Mat(moved.size(), CV_8UC1, 255));
+}
+
+double shortestPeriod(const cv::Mat& picture) {
+  const cv::Mat copy = shrunk(picture);
+  const double scale =
+      static_cast<double>(std::max(copy.cols, copy.rows)) / std::max(picture.cols, picture.rows);
   double shortest = 0.0;
   std::vector<cv::Point> shifts = alikeShifts(copy, copy, kAlike);
   const std::vector<cv::Point> far = farShifts(copy, kAlike);
   shifts.insert(shifts.end(), far.begin(), far.end());
   for (const cv::Point& shift : shifts) {
+    if (!isPeriod(shift, copy)) continue;
     const double length = cv::norm(shift);
-    if (length < kLeast * std::max(copy.cols, copy.rows)) continue;
     shortest = shortest == 0.0 ? length : std::min(shortest, length);
   }
   return shortest / scale;

@@ -19,6 +19,18 @@ constexpr double kLongestPeriod = 0.6;
 /// returns true if the shift is too long to be tested (see kLongestPeriod).
 bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift);
 
+/// Returns a copy of the picture whose longer side is at most 192 px. The functions below compare
+/// such copies.
+cv::Mat shrunk(const cv::Mat& picture);
+
+/// Normalised correlation, -1..1, of two shrunk CV_8UC1 pictures of one size where `mask` (CV_8UC1)
+/// is not 0. Slow changes of brightness do not count. Returns 0 if less than 2 % can be compared.
+double alikeness(const cv::Mat& one, const cv::Mat& other, const cv::Mat& mask);
+
+/// Highest normalised correlation, 0..1, of a shrunk CV_8UC1 picture and its own copy, moved by 2 %
+/// of its longer side up to kLongestPeriod. Slow changes of brightness do not count.
+double alikenessToItself(const cv::Mat& picture);
+
 /// Returns the shortest shift, px, after which a CV_8UC1 picture looks like itself, or 0 if there
 /// is none. Shifts from 2 % of its longer side up to kLongestPeriod are tested.
 double shortestPeriod(const cv::Mat& picture);

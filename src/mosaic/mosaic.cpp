@@ -41,6 +41,13 @@ constexpr int kLostFrames = 3;
 // A position is predicted from the last velocity for at most this time, ns. An acceleration of 3
 // m/s² moves a camera by 15 mm in this time.
 constexpr std::int64_t kPredictable = 100'000'000;
+// A pose that is less than this many px from its prediction is taken as right. The value is half of
+// the shortest period that can be found in a frame of 400 px.
+constexpr double kNoSurprise = 4.0;
+// A frame looks like the map if Impl::difference() is less than this. Measured on drawn slabs and
+// solar panels: 0.3 to 3 at the right place, 1.2 to 4 a period off. Noise that is stronger than the
+// dirt gives at least 2/3 at any place, because the map is a mean of up to three frames.
+constexpr double kSame = 0.5;
 // If two keyframes predict places of the frame that are farther apart than this share of the
 // frame's shorter side, the ground has two places that look alike. (Repetition at shorter distances
 // is detected in the frame itself.) Smaller differences are normal: keyframes of a large map may
@@ -111,7 +118,8 @@ struct Mosaic::Impl {
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // pose of the last drawn frame
   std::int64_t followed = 0;                            // stamp of the newest homography
   std::int64_t interval = 0;                            // usual time between two homographies, ns
-  std::int64_t after_gap = 0;  // stamp of the last homography that came late
+  // Stamp of the last homography that came late, or of the last frame that was lost as repetitive.
+  std::int64_t after_gap = 0;
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
   int lost_frames = 0;  // number of frames lost since lost_since
@@ -208,10 +216,18 @@ struct Mosaic::Impl {
     return velocity && stamp - last_stamp < kPredictable;
   }
 
-  /// Returns true if the pose may be wrong by a period of repetitive ground: if it is more than
-  /// half a period away from the predicted place, or if there is no prediction. The last velocity
-  /// predicts the place. If it is too old, or predicts a motion of at least half a period, the
-  /// chain of homographies predicts the place instead.
+  /// Returns the place in the map where the last velocity leads the middle of the frame.
+  Eigen::Vector2d predictedMiddle(std::int64_t stamp) const {
+    return middleInMap(*last) + static_cast<double>(stamp - last_stamp) * *velocity;
+  }
+
+  /// Returns true if the pose may be wrong by a period of repetitive ground. It is right if the
+  /// last velocity predicts it, or if the frame looks like the map (see difference()). Otherwise a
+  /// chain of homographies must lead to the frame. A chain over a gap, or over a frame that was
+  /// lost as repetitive, does not count, because such a homography may be a period off, too. The
+  /// last velocity, if it is not too old, must predict the pose to within half a period or the
+  /// predicted motion, whichever is longer. If it predicts a motion of at least half a period, or
+  /// is too old, the chain must predict the pose to within half a period.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -222,22 +238,41 @@ struct Mosaic::Impl {
     };
     const bool is_predictable = isPredictable(stamp);
     const Eigen::Vector2d before = middleInMap(*last);
-    Eigen::Vector2d predicted = before;
-    if (is_predictable) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
-    // A pose that is less than this many px from its prediction is taken as right. The value is
-    // half of the shortest period that can be found in a frame of 400 px.
-    constexpr double kNoSurprise = 4.0;
+    const Eigen::Vector2d predicted = is_predictable ? predictedMiddle(stamp) : before;
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
-    if (half_period == 0.0) return false;
+    const bool has_chain = by_chain && last_stamp >= after_gap;
+    if (half_period == 0.0 && has_chain) return false;
+    if (difference(from_map) < kSame) return false;
+    if (!has_chain) return true;
     const double way = (in_frame(predicted) - in_frame(before)).norm();
-    if (is_predictable && way < half_period) return surprise(predicted) > half_period;
-    return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
+    if (is_predictable && surprise(predicted) > std::max(half_period, way)) return true;
+    if (is_predictable && way < half_period) return false;
+    return surprise(middleInMap(*by_chain)) > half_period;
+  }
+
+  /// Returns how much the frame at this place differs from the map, as a multiple of its difference
+  /// from its own copy a period away: 0 if it looks like the map, about 1 if it is a period off.
+  double difference(const Eigen::Matrix3d& from_map) const {
+    const cv::Mat copy = metrics::shrunk(grey);
+    Eigen::Matrix3d from_copy = Eigen::Matrix3d::Identity();
+    for (const auto& [axis, scale] : {std::pair(0, static_cast<double>(grey.cols) / copy.cols),
+                                      std::pair(1, static_cast<double>(grey.rows) / copy.rows)}) {
+      from_copy(axis, axis) = scale;
+      from_copy(axis, 2) = 0.5 * scale - 0.5;
+    }
+    const TileMap::View map =
+        tiles.view(copy.size(), surface().scaled(from_map.inverse()) * from_copy);
+    cv::Mat drawn;
+    cv::cvtColor(map.colour, drawn, cv::COLOR_BGR2GRAY);
+    const double own = std::max(1e-6, 1.0 - metrics::alikenessToItself(copy));
+    return (1.0 - metrics::alikeness(copy, drawn, map.mask)) / own;
   }
 
   /// Chooses between the places that the map and the chain of homographies give. If the ground
-  /// looks the same at both places, takes the place nearer to the prediction by the last velocity,
-  /// or none if the last placed frame is too old. Otherwise takes the place that the map gives.
+  /// looks the same at both places, takes the place where the frame looks like the map, otherwise
+  /// the place that the last velocity predicts, or none. If the ground looks different, takes the
+  /// place that the map gives.
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
                                              const Eigen::Matrix3d& by_chain) const {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
@@ -251,10 +286,15 @@ struct Mosaic::Impl {
     // At the end of a full turn, the chain has drifted by a few px. Any picture still looks similar
     // after a shift by a few px, so this does not count as repetition.
     if (!surface().isPlane() && metrics::shortestPeriod(grey) == 0.0) return by_map;
-    if (stamp - last_stamp >= kPredictable) return std::nullopt;
-    Eigen::Vector2d predicted = middleInMap(*last);
-    if (velocity) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
-    return shift(by_map, predicted).norm() < shift(by_chain, predicted).norm() ? by_map : by_chain;
+    for (const Eigen::Matrix3d& place : {by_map, by_chain}) {
+      if (difference(place) < kSame) return place;
+    }
+    if (!isPredictable(stamp)) return std::nullopt;
+    const Eigen::Vector2d predicted = predictedMiddle(stamp);
+    for (const Eigen::Matrix3d& place : {by_map, by_chain}) {
+      if (shift(place, predicted).norm() < kNoSurprise) return place;
+    }
+    return std::nullopt;
   }
 
   void settle(std::int64_t stamp, const Eigen::Matrix3d& from_map) {
@@ -275,6 +315,7 @@ struct Mosaic::Impl {
   Placement lose(std::int64_t stamp, LostBecause why, Features features = {}) {
     pose.reset();
     reason = why;
+    if (why == LostBecause::repeats) after_gap = stamp;
     if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
     const bool is_patient = waited < kLostSeconds || lost_frames <= kLostFrames;
@@ -418,11 +459,6 @@ struct Mosaic::Impl {
       is_zoomed = !surface().canShow(size, *expected);
     }
     if (is_zoomed) expected.reset();
-    const bool leads_over_gap = last_stamp < after_gap;
-    const bool is_known = (expected && !leads_over_gap) || isPredictable(stamp);
-    if (options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0) {
-      return lose(stamp, LostBecause::repeats);
-    }
     // A frame after a gap overlaps most with the last frame before the gap, so we make this last
     // frame a keyframe.
     if (!expected && last_features && hasRoom() &&
@@ -435,6 +471,9 @@ struct Mosaic::Impl {
     const std::optional<Eigen::Matrix3d> found = search(stamp, features, expected);
     if (!found) {
       if (is_zoomed && reason == LostBecause::unmatched) reason = LostBecause::zoomed;
+      if (reason == LostBecause::unmatched && metrics::shortestPeriod(grey) > 0.0) {
+        reason = LostBecause::repeats;
+      }
       return lose(stamp, reason, std::move(features));
     }
     settle(stamp, *found);

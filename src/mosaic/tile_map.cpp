@@ -110,6 +110,29 @@ double TileMap::gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const 
   return std::clamp(of_map / of_frame, 1.0 / kLargestGain, kLargestGain);
 }
 
+TileMap::View TileMap::view(const cv::Size& size, const Eigen::Matrix3d& to_map) const {
+  constexpr int kSamples = 4;  // of a pixel, since it may cover several pixels of the map
+  View view{cv::Mat::zeros(size, CV_8UC3), cv::Mat::zeros(size, CV_8UC1)};
+  const Eigen::Vector2d middle = middleOf(area_);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      cv::Vec3i sum(0, 0, 0);
+      int samples = 0;
+      for (; samples < kSamples; ++samples) {
+        const double dx = 0.5 * (samples % 2) - 0.25, dy = 0.5 * (samples / 2) - 0.25;
+        const Eigen::Vector2d place = surface_.toMap(to_map * Eigen::Vector3d(x + dx, y + dy, 1.0));
+        const cv::Vec3b* drawn = at(surface_.near(place, middle) + Eigen::Vector2d::Constant(0.5));
+        if (drawn == nullptr) break;
+        sum += cv::Vec3i(*drawn);
+      }
+      if (samples < kSamples) continue;
+      view.colour.at<cv::Vec3b>(y, x) = cv::Vec3b(sum / kSamples);
+      view.mask.at<std::uint8_t>(y, x) = 255;
+    }
+  }
+  return view;
+}
+
 std::vector<Eigen::Vector2d> TileMap::outline(const cv::Size& size,
                                               const Eigen::Matrix3d& to_map) const {
   std::vector<Eigen::Vector2d> points = surface_.outline(size, to_map);

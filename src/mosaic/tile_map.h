@@ -38,6 +38,14 @@ class TileMap {
   /// little.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
+  /// A part of the map, as a frame would show it.
+  struct View {
+    cv::Mat colour;  // CV_8UC3
+    cv::Mat mask;    // CV_8UC1, 0 where nothing was drawn
+  };
+  /// `size`: size of the view, px. `to_map`: as for draw(), for a pixel of the view.
+  View view(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
+
   /// The border of a frame in the map. A cylinder repeats after each full turn, so there the border
   /// is shifted by whole turns to the position nearest to the drawn area.
   std::vector<Eigen::Vector2d> outline(const cv::Size& size, const Eigen::Matrix3d& to_map) const;
