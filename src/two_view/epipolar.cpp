@@ -390,34 +390,39 @@ double EpipolarFit::instability(const Epipolar& geometry, double cell,
   return sum * (kGroups - 1) / (kGroups * static_cast<double>(problem_.pairs->freedom()));
 }
 
-estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell,
-                                                const SharedShifts& shared) {
-  using Shared =
-      Eigen::Matrix<double, Eigen::Dynamic, SharedShifts::kErrors, 0, 7, SharedShifts::kErrors>;
-  const homography::Normalisation& from = problem_.pairs->reference;
-  const homography::Normalisation& to = problem_.pairs->target;
+estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell) {
   const EpipolarPairs::Tangent tangent = problem_.pairs->tangent(geometry);
   const homography::PointArrays<double>& points = problem_.points;
   points.findCells(cell, cell_);
   clusters_.reset(tangent.cols(), homography::PointArrays<double>::kCells);
-  Shared by_shared = Shared::Zero(tangent.cols(), SharedShifts::kErrors);
   Vector9 entries;
-  Eigen::RowVector4d by_points;
   for (std::size_t i = 0; i < points.size; ++i) {
-    const double e = problem_.evaluate(i, geometry.matrix, entries.data(), &by_points);
-    const estimation::Step pull = fit_.weights().weight[i] * (tangent.transpose() * entries);
-    clusters_.add(cell_[i], pull * e);
-    const Eigen::Vector2d x = from.applyInverse({points.x[i], points.y[i]});
-    const Eigen::Vector2d u = to.applyInverse({points.u[i], points.v[i]});
-    by_shared += pull * (to.scale * by_points * shared.at(x, u));
+    const double e = problem_.evaluate(i, geometry.matrix, entries.data(), nullptr);
+    clusters_.add(cell_[i], fit_.weights().weight[i] * e * (tangent.transpose() * entries));
   }
-  const estimation::Information bread = estimation::breadOf(fit_.sums());
   const estimation::Information independent =
       estimation::inflationOfWeights(fit_.sums(), fit_.weights()) *
       estimation::independentMeat(fit_.sums(), fit_.weights());
-  const estimation::Information all =
-      clusters_.inflated(independent) + by_shared * by_shared.transpose();
-  return estimation::sandwich(bread, all);
+  return estimation::sandwich(estimation::breadOf(fit_.sums()), clusters_.inflated(independent));
+}
+
+EpipolarFit::SharedSteps EpipolarFit::sharedSteps(const Epipolar& geometry,
+                                                  const SharedShifts& shared) const {
+  const homography::Normalisation& from = problem_.pairs->reference;
+  const homography::Normalisation& to = problem_.pairs->target;
+  const EpipolarPairs::Tangent tangent = problem_.pairs->tangent(geometry);
+  const homography::PointArrays<double>& points = problem_.points;
+  SharedSteps pulls = SharedSteps::Zero(tangent.cols(), SharedShifts::kErrors);
+  Vector9 entries;
+  Eigen::RowVector4d by_points;
+  for (std::size_t i = 0; i < points.size; ++i) {
+    problem_.evaluate(i, geometry.matrix, entries.data(), &by_points);
+    const Eigen::Vector2d x = from.applyInverse({points.x[i], points.y[i]});
+    const Eigen::Vector2d u = to.applyInverse({points.u[i], points.v[i]});
+    pulls += fit_.weights().weight[i] * (tangent.transpose() * entries) *
+             (to.scale * by_points * shared.at(x, u));
+  }
+  return -estimation::breadOf(fit_.sums()) * pulls;
 }
 
 }  // namespace ktgp_orb::two_view

@@ -131,12 +131,18 @@ class EpipolarFit {
   /// scale of the errors. Returns false if the pairs do not determine the geometry.
   bool minimise(Epipolar& geometry);
 
-  /// Covariance of the parameters after minimise(). Errors of pairs in the same cell may be
-  /// correlated (Liang & Zeger, Biometrika 1986). `cell`: side of a cell, normalised units.
-  /// `shared`: further errors, which all pairs share. The covariance is not finite if the pairs do
-  /// not determine the parameters.
-  estimation::Information covariance(const Epipolar& geometry, double cell,
-                                     const SharedShifts& shared);
+  /// Covariance of the parameters after minimise(), without the errors that all pairs share. Errors
+  /// of pairs in the same cell may be correlated (Liang & Zeger, Biometrika 1986). `cell`: side of
+  /// a cell, normalised units. The covariance is not finite if the pairs do not determine the
+  /// parameters.
+  estimation::Information covariance(const Epipolar& geometry, double cell);
+
+  /// How far one standard deviation of each shared error moves the parameters, to first order;
+  /// after minimise(). The covariance that the shared errors add is the sum of the squares of the
+  /// columns.
+  using SharedSteps =
+      Eigen::Matrix<double, Eigen::Dynamic, SharedShifts::kErrors, 0, 7, SharedShifts::kErrors>;
+  SharedSteps sharedSteps(const Epipolar& geometry, const SharedShifts& shared) const;
 
   /// Returns a factor for `covariance`. It is above 1 if the motion changes more than `covariance`
   /// predicts when the fit leaves out a part of the image. Changes the state that minimise() left.

@@ -8,8 +8,11 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
+#include <optional>
 
 #include "homography/transform.h"
+#include "util/geometry.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::two_view {
 namespace {
@@ -19,6 +22,16 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
   Eigen::Matrix3d r = svd.matrixU() * svd.matrixV().transpose();
   if (r.determinant() < 0.0) r = -r;
   return r;
+}
+
+/// Returns the change of the first eight entries of `homography`, scaled so that its last entry
+/// stays 1, that `change` of the whole matrix causes.
+Eigen::Matrix<double, 8, 1> changeOfEntries(const Eigen::Matrix3d& homography,
+                                            const Eigen::Matrix3d& change) {
+  const double last = homography(2, 2);
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
+      (change - change(2, 2) / last * homography) / last;
+  return Eigen::Map<const Eigen::Matrix<double, 8, 1>>(rows.data());
 }
 
 }  // namespace
@@ -67,10 +80,7 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
   const Eigen::Matrix3d h = cameras.target * product * cameras.reference_inverse;
   Eigen::Matrix<double, 8, 8> by_motion;
   const auto set = [&](int column, const Eigen::Matrix3d& change) {
-    const Eigen::Matrix3d d = cameras.target * change * cameras.reference_inverse;
-    for (int i = 0; i < 8; ++i) {
-      by_motion(i, column) = (d(i / 3, i % 3) - h(i / 3, i % 3) / h(2, 2) * d(2, 2)) / h(2, 2);
-    }
+    by_motion.col(column) = changeOfEntries(h, cameras.target * change * cameras.reference_inverse);
   };
   for (int i = 0; i < 3; ++i) set(i, crossed(Eigen::Vector3d::Unit(i)) * motion.rotation);
   for (int i = 0; i < 2; ++i) set(3 + i, length * around.col(i) * motion.normal.transpose());
@@ -81,10 +91,10 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
   return poseCovariance(covariance.topLeftCorner<5, 5>(), direction);
 }
 
-Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
-                                             const std::vector<std::uint8_t>& mask,
-                                             const Eigen::Matrix3d& homography,
-                                             const SharedShifts& shared) {
+SharedShifts::Columns<8> sharedChanges(const PointPairs& pairs,
+                                       const std::vector<std::uint8_t>& mask,
+                                       const Eigen::Matrix3d& homography,
+                                       const SharedShifts& shared) {
   Eigen::Matrix<double, 8, 8> squares = Eigen::Matrix<double, 8, 8>::Zero();
   SharedShifts::Columns<8> pulls = SharedShifts::Columns<8>::Zero();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -97,9 +107,38 @@ Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
   // The entries of a homography differ much in size, so the system is scaled before it is solved.
   const Eigen::Matrix<double, 8, 1> scale = squares.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, 8, 8> scaled = scale.asDiagonal() * squares * scale.asDiagonal();
-  const SharedShifts::Columns<8> columns =
-      scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * pulls);
-  return columns * columns.transpose();
+  return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * pulls);
+}
+
+Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,
+                        const Eigen::Matrix<double, 8, 1>& change) {
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = homography / homography(2, 2);
+  Eigen::Map<Eigen::Matrix<double, 8, 1>>(rows.data()) += change;
+  return rows;
+}
+
+std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
+                                       const Eigen::Matrix<double, 8, 8>& covariance,
+                                       const Cameras& cameras, const Eigen::Matrix3d& start) {
+  constexpr int kRounds = 3;  // the start is a degree away at most
+  const std::optional<util::SmallMatrix> whitening = util::whiteningOf(covariance);
+  if (!whitening) return std::nullopt;
+  NearestTurn nearest{start, Eigen::Matrix3d::Zero()};
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::Matrix3d h = cameras.homographyOf(nearest.rotation);
+    Eigen::Matrix<double, 8, 3> by_turn;
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Matrix3d change = crossed(Eigen::Vector3d::Unit(i)) * nearest.rotation;
+      by_turn.col(i) = changeOfEntries(h, cameras.target * change * cameras.reference_inverse);
+    }
+    const Eigen::Matrix<double, 8, 1> off = util::entriesOf(homography) - util::entriesOf(h);
+    const Eigen::Matrix<double, 8, 3> slope = *whitening * by_turn;
+    const util::LeastSquares step = util::leastSquares(slope, *whitening * off);
+    nearest.rotation = turned(step.solution, nearest.rotation);
+    nearest.covariance = (slope.transpose() * slope).inverse();
+    nearest.distance2 = step.rest.squaredNorm();
+  }
+  return nearest;
 }
 
 void RotationProblem::evaluate(std::size_t i, const State& rotation, Eigen::Vector2d& residual,

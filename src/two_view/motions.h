@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "estimation/robust_fit.h"
@@ -36,12 +37,30 @@ std::vector<PlanarMotion> planarMotions(const PointPairs& pairs,
 Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
                          const Eigen::Matrix<double, 8, 8>& of_homography);
 
-/// Returns the covariance that the shared errors cause in the first eight entries of a homography
-/// that was fitted to the pairs in `mask`.
-Eigen::Matrix<double, 8, 8> sharedCovariance(const PointPairs& pairs,
-                                             const std::vector<std::uint8_t>& mask,
-                                             const Eigen::Matrix3d& homography,
-                                             const SharedShifts& shared);
+/// Returns how far one standard deviation of each shared error changes the first eight entries of a
+/// homography that was fitted to the pairs in `mask`.
+SharedShifts::Columns<8> sharedChanges(const PointPairs& pairs,
+                                       const std::vector<std::uint8_t>& mask,
+                                       const Eigen::Matrix3d& homography,
+                                       const SharedShifts& shared);
+
+/// Returns `homography`, scaled so that its last entry is 1, with `change` added to its first eight
+/// entries.
+Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,
+                        const Eigen::Matrix<double, 8, 1>& change);
+
+/// The rotation whose homography is nearest to a given homography.
+struct NearestTurn {
+  Eigen::Matrix3d rotation;
+  Eigen::Matrix3d covariance;  ///< of small rotations about the target camera's axes, rad²
+  double distance2 = 0.0;      ///< squared Mahalanobis distance of the two homographies
+};
+
+/// `covariance`: covariance of the first eight entries of `homography`; `start`: a rotation near
+/// the nearest one. Empty if the covariance is singular.
+std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
+                                       const Eigen::Matrix<double, 8, 8>& covariance,
+                                       const Cameras& cameras, const Eigen::Matrix3d& start);
 
 /// The problem that estimation::RobustFit solves: find the rotation of a camera that only turned.
 /// The residuals are reprojection errors.

@@ -26,12 +26,41 @@ namespace ktgp_orb {
 namespace {
 
 using two_view::Epipolar;
+using two_view::EpipolarFit;
 using two_view::EpipolarProblem;
 using two_view::kSampsonShare;
 using util::kPi;
 using util::requireInRange;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Reorders `values`, which must not be empty.
+double medianOf(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Returns true if the neighbour of a point of `some` is one of `others` at least half as often as
+/// if both were scattered at random.
+bool areMixed(const std::vector<Eigen::Vector2d>& some,
+              const std::vector<Eigen::Vector2d>& others) {
+  constexpr double kLeastShare = 0.5;
+  const auto nearest2 = [](const Eigen::Vector2d& point, const auto& points) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector2d& other : points) {
+      if (&other != &point) least = std::min(least, (other - point).squaredNorm());
+    }
+    return least;
+  };
+  std::size_t mixed = 0;
+  for (const Eigen::Vector2d& point : some) {
+    mixed += nearest2(point, others) < nearest2(point, some) ? 1 : 0;
+  }
+  const auto share =
+      static_cast<double>(others.size()) / static_cast<double>(some.size() + others.size());
+  return static_cast<double>(mixed) > kLeastShare * share * static_cast<double>(some.size());
+}
 
 }  // namespace
 
@@ -63,16 +92,29 @@ struct TwoViewEstimator::Impl {
   Covariance6 turnCovariance() const;
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
-  bool isTurn(const PointPairs& pairs, const TwoViewInput& input) const;
+  Eigen::Matrix<double, 8, 8> poorCovariance(const PointPairs& pairs,
+                                             const TwoViewInput& input) const;
   void doubtRepetition(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  double secondLayer(const PointPairs& pairs, const std::vector<double>& deviations,
+                     const TwoView& result);
   double repeatedBy(const PointPairs& pairs, const std::vector<double>& deviations,
                     const TwoView& result);
   bool movesInOneRegion(const PointPairs& pairs, const TwoView& result) const;
-  void doubtTheTravel(TwoView& result) const;
+  static void doubtTheTravel(Doubt doubt, const Eigen::Matrix3d& rotation,
+                             const Covariance6& covariance, TwoView& result);
   bool setMotions(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  template <typename Moved>
+  static Covariance6 spreadOf(const Covariance6& linear, const RelativePose& pose,
+                              const Moved& moved);
+  Covariance6 covarianceOf(const two_view::PlanarMotion& motion, const PointPairs& pairs);
+  std::optional<RelativePose> refitted(const RelativePose& pose, const PointPairs& pairs,
+                                       const TwoViewInput& input,
+                                       const two_view::SharedShifts& shifts, int error,
+                                       double amount);
   Covariance6 covarianceOf(const RelativePose& pose, const PointPairs& pairs,
                            const TwoViewInput& input);
   const two_view::PlanarMotion* planar(const RelativePose& pose) const;
+  void setPlaneOrRotation(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   void setPlane(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   void setRotation(const PointPairs& pairs, TwoView& result);
   Doubt doubtOf(const TwoView& result) const;
@@ -100,7 +142,10 @@ struct TwoViewEstimator::Impl {
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
   std::vector<double> values;  // buffer for computing medians
-  double fitted_scale = 0.0;   // scale of the last fit in covarianceOf(), px
+  PointPairs shifted_points;   // buffers of refitted()
+  two_view::EpipolarPairs shifted;
+  two_view::EpipolarFit shifted_fit;
+  double fitted_scale = 0.0;  // scale of the last fit in covarianceOf(), px
   double target_area = 0.0;
 };
 
@@ -146,12 +191,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
     result.doubt = Doubt::undetermined;
   }
   if (!has_plane) return;
-  result.probability = 1.0;
-  if (log_rotation <= log_plane || isTurn(pairs, input)) {
-    setRotation(pairs, result);
-  } else {
-    setPlane(pairs, input, result);
-  }
+  setPlaneOrRotation(pairs, input, result);
   doubtRepetition(pairs, input, result);
 }
 
@@ -299,31 +339,19 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Returns true if noise and shared errors explain the difference between the homography and the
-/// homography of the fitted rotation (`turn`). Then a pure rotation is reported, and the
-/// translation that the homography implies is ignored.
-bool TwoViewEstimator::Impl::isTurn(const PointPairs& pairs, const TwoViewInput& input) const {
-  // Twice the 99.9 % quantile of chi² with five degrees of freedom. The factor of two is needed
-  // because the shared errors are linearised: if the focal length is wrong by 3 %, for example,
-  // hundredths of a pixel remain unexplained.
-  constexpr double kBound = 2.0 * 20.515;
-  // Errors of a poor calibration, as multiples of options.shared_errors: K may come from a data
-  // sheet or from the software of a phone, for example.
-  constexpr double kPoorLinear = 10.0;
+/// Returns the covariance of the homography's first eight entries if the calibration is poor: K may
+/// come from a data sheet or from the software of a phone, for example.
+Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::poorCovariance(
+    const PointPairs& pairs, const TwoViewInput& input) const {
+  constexpr double kPoorLinear = 10.0;  // as a multiple of options.shared_errors
   constexpr double kPoorFocal = 3.0;
-  if (!cameras || !std::isfinite(log_rotation)) return false;
-  const Eigen::Matrix<double, 8, 1> difference =
-      util::entriesOf(plane.answer.homography) -
-      util::entriesOf(cameras->homographyOf(turn.rotation()));
   SharedErrors poor = options.shared_errors;
   poor.linear *= kPoorLinear;
   poor.focal *= kPoorFocal;
-  const Eigen::Matrix<double, 8, 8> covariance =
-      plane.answer.covariance +
-      two_view::sharedCovariance(
-          pairs, plane.mask, plane.answer.homography,
-          two_view::SharedShifts(poor, pairs, input, cameras).with(turn.rotation()));
-  return difference.dot(util::inverseOf(covariance) * difference) < kBound;
+  const two_view::SharedShifts::Columns<8> changes = two_view::sharedChanges(
+      pairs, plane.mask, plane.answer.homography,
+      two_view::SharedShifts(poor, pairs, input, cameras).with(turn.rotation()));
+  return plane.answer.covariance + changes * changes.transpose();
 }
 
 /// Returns true if a rotation, or a camera at rest, explains most inliers within their errors
@@ -367,11 +395,12 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
-/// Sets the doubt `repetitive` if many of the most precise pairs do not agree with the motion. The
-/// most precise pairs are the pairs whose patches could be aligned. If the motion is right, nearly
-/// all of them agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a texture
-/// repeats itself, many disagree, as in all 20 image pairs of a synthetic facade and a chessboard.
-/// The motion may then be wrong by the median error of the pairs that disagree.
+/// Sets the doubt `repetitive` if many of the most precise pairs do not agree with the motion, or
+/// if those off the dominant plane may be on it, a period off (see secondLayer). The most precise
+/// pairs are the pairs whose patches could be aligned. If the motion is right, nearly all of them
+/// agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a texture repeats itself,
+/// many disagree, as in all 20 image pairs of a synthetic facade and a chessboard. The motion may
+/// then be wrong by the median error of the pairs that disagree, or by the period.
 void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
@@ -386,12 +415,12 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
     ++precise;
     agree += result.mask[i];
   }
-  if (precise - agree < kFew ||
-      static_cast<double>(agree) >= kLeastShare * static_cast<double>(precise)) {
-    return;
-  }
+  const bool agrees = precise - agree < kFew ||
+                      static_cast<double>(agree) >= kLeastShare * static_cast<double>(precise);
+  const double off = agrees ? secondLayer(pairs, *input.deviations, result)
+                            : repeatedBy(pairs, *input.deviations, result);
+  if (off == 0.0) return;
   result.doubt = Doubt::repetitive;
-  const double off = repeatedBy(pairs, *input.deviations, result);
   const double turn_off = std::min(off / cameras->target(0, 0), kOpenTurn);
   const double parallax = result.parallax * kPi / 180.0;
   const double across = std::min(kOpenAcross, turn_off / std::max(parallax, 1e-6));
@@ -399,6 +428,42 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
   result.pose_covariance.topLeftCorner<3, 3>() +=
       across * across * (Eigen::Matrix3d::Identity() - t * t.transpose());
   result.pose_covariance.bottomRightCorner<3, 3>().diagonal().array() += turn_off * turn_off;
+}
+
+/// Returns the length of the shift, px, by which the precise pairs off the dominant plane differ
+/// from it, if all have the same shift and lie among the pairs on the plane; else 0. A surface at
+/// another depth shifts its pairs alike, too, but it hides the plane behind it. So the pairs may be
+/// on the plane, a period off, although both layers together agree with a motion.
+double TwoViewEstimator::Impl::secondLayer(const PointPairs& pairs,
+                                           const std::vector<double>& deviations,
+                                           const TwoView& result) {
+  constexpr std::size_t kFew = 8;  // minimum number of pairs off the plane
+  // Largest median difference from the median shift, as a share of this shift. It is below 0.02 if
+  // the pairs are a period off, and rarely below 0.15 if they have different depths; a plane that
+  // is seen at an angle changes the period by more than the noise does.
+  constexpr double kSame = 0.1;
+  if (!has_plane || result.geometry != Geometry::epipolar) return 0.0;
+  std::vector<Eigen::Vector2d> on_plane, off_plane, shifts;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (deviations[i] > 1.0 || result.mask[i] == 0) continue;
+    const Eigen::Vector2d& x = pairs.reference[i];
+    const Eigen::Vector2d shift =
+        pairs.target[i] - (plane.answer.homography * x.homogeneous()).hnormalized();
+    const bool is_off = shift.norm() > options.max_error;
+    (is_off ? off_plane : on_plane).push_back(x);
+    if (is_off) shifts.push_back(shift);
+  }
+  if (shifts.size() < kFew) return 0.0;
+  const auto median = [&](const auto& of) {
+    values.clear();
+    for (const Eigen::Vector2d& shift : shifts) values.push_back(of(shift));
+    return medianOf(values);
+  };
+  const double x = median([](const Eigen::Vector2d& shift) { return shift.x(); });
+  const Eigen::Vector2d middle(x, median([](const Eigen::Vector2d& shift) { return shift.y(); }));
+  const double differ =
+      median([&](const Eigen::Vector2d& shift) { return (shift - middle).norm(); });
+  return differ < kSame * middle.norm() && areMixed(off_plane, on_plane) ? middle.norm() : 0.0;
 }
 
 /// Returns the median error of the precise pairs that do not agree with the geometry, px.
@@ -417,20 +482,19 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
     values.push_back(is_epipolar ? kOfSampson * two_view::sampson(result.fundamental, x, u)
                                  : homography::errorOf(result.homography, x, u));
   }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return medianOf(values);
 }
 
-/// Reports a pure rotation (`turn`) as the other possible motion, and gives both motions the
-/// probability 0.5. Enlarges the covariance so that any direction of the translation is possible.
-void TwoViewEstimator::Impl::doubtTheTravel(TwoView& result) const {
+/// Reports a pure `rotation` as the other possible motion, and gives both motions the probability
+/// 0.5. Enlarges the covariance so that any direction of the translation is possible.
+void TwoViewEstimator::Impl::doubtTheTravel(Doubt doubt, const Eigen::Matrix3d& rotation,
+                                            const Covariance6& covariance, TwoView& result) {
   constexpr double kEven = 0.5;
-  result.doubt = Doubt::moving_region;
+  result.doubt = doubt;
   result.probability = kEven;
-  result.other = OtherMotion{
-      Geometry::rotation, {turn.rotation(), Eigen::Vector3d::Zero()}, turnCovariance(), kEven};
-  const Eigen::AngleAxisd turned(turn.rotation() * result.pose.rotation.transpose());
+  result.other =
+      OtherMotion{Geometry::rotation, {rotation, Eigen::Vector3d::Zero()}, covariance, kEven};
+  const Eigen::AngleAxisd turned(rotation * result.pose.rotation.transpose());
   const Eigen::Vector3d step = turned.angle() * turned.axis();
   const Eigen::Vector3d& t = result.pose.translation;
   result.pose_covariance.topLeftCorner<3, 3>() += Eigen::Matrix3d::Identity() - t * t.transpose();
@@ -491,6 +555,78 @@ const two_view::PlanarMotion* TwoViewEstimator::Impl::planar(const RelativePose&
   return nullptr;
 }
 
+/// Returns the mean square of the change of a motion by one shared error. `linear`: its value to
+/// first order. `moved(amount)`: the motion if the error is `amount` standard deviations; empty if
+/// there is none.
+template <typename Moved>
+Covariance6 TwoViewEstimator::Impl::spreadOf(const Covariance6& linear, const RelativePose& pose,
+                                             const Moved& moved) {
+  // rad. If the error moves the direction of the translation by more than this, the first order is
+  // not enough: with little parallax, the path of the translation is curved, and its length may
+  // differ by a factor of three between the two signs of the error.
+  constexpr double kLinear = 0.05;
+  if (!(linear.topLeftCorner<3, 3>().trace() > kLinear * kLinear)) return linear;
+  // Nodes and weights of the quadrature of Gauss and Hermite with three nodes; the change at the
+  // middle node is zero.
+  constexpr double kNode = 1.7320508075688772;
+  constexpr double kWeight = 1.0 / 6.0;
+  Covariance6 sum = Covariance6::Zero();
+  for (const double amount : {-kNode, kNode}) {
+    const std::optional<RelativePose> at = moved(amount);
+    if (!at) return linear;
+    const Eigen::Matrix<double, 6, 1> step = two_view::stepBetween(pose, *at);
+    sum += kWeight * step * step.transpose();
+  }
+  return sum;
+}
+
+/// Returns the covariance of a motion that the homography of the plane allows.
+Covariance6 TwoViewEstimator::Impl::covarianceOf(const two_view::PlanarMotion& motion,
+                                                 const PointPairs& pairs) {
+  const Eigen::Matrix3d& h = plane.answer.homography;
+  const RelativePose pose = motion.pose();
+  const two_view::SharedShifts::Columns<8> changes =
+      two_view::sharedChanges(pairs, plane.mask, h, shared.with(pose.rotation));
+  Covariance6 sum = two_view::covarianceOf(motion, *cameras, plane.answer.covariance);
+  for (int error = 0; error < two_view::SharedShifts::kErrors; ++error) {
+    const Eigen::Matrix<double, 8, 1> change = changes.col(error);
+    const auto moved = [&](double amount) -> std::optional<RelativePose> {
+      const Eigen::Matrix3d at = two_view::changed(h, amount * change);
+      std::optional<RelativePose> nearest;
+      for (const auto& each : two_view::planarMotions(pairs, plane.mask, *cameras, at)) {
+        if (!nearest || two_view::apart(each.pose(), pose) < two_view::apart(*nearest, pose)) {
+          nearest = each.pose();
+        }
+      }
+      return nearest;
+    };
+    sum += spreadOf(two_view::covarianceOf(motion, *cameras, change * change.transpose()), pose,
+                    moved);
+  }
+  return sum;
+}
+
+/// Returns the motion that the fit finds, starting from `pose`, if a shared error is `amount`
+/// standard deviations; empty if the pairs do not determine it.
+std::optional<RelativePose> TwoViewEstimator::Impl::refitted(const RelativePose& pose,
+                                                             const PointPairs& pairs,
+                                                             const TwoViewInput& input,
+                                                             const two_view::SharedShifts& shifts,
+                                                             int error, double amount) {
+  shifted_points = pairs;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::Vector4d shift =
+        amount * shifts.at(pairs.reference[i], pairs.target[i]).col(error);
+    shifted_points.reference[i] += shift.head<2>();
+    shifted_points.target[i] += shift.tail<2>();
+  }
+  shifted.load(shifted_points, order, kSampsonShare * options.max_error, cameras, input.deviations);
+  shifted_fit.setPairs(shifted);
+  Epipolar geometry = shifted.fromMotion(pose);
+  if (!shifted_fit.minimise(geometry)) return std::nullopt;
+  return geometry.motion;
+}
+
 /// Returns the covariance of `pose`; NaN if the pairs do not determine it.
 Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const PointPairs& pairs,
                                                  const TwoViewInput& input) {
@@ -498,33 +634,33 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   // translation (kMostAcross) is not below this, the covariance is NaN.
   constexpr double kMostTurn = 0.1;
   constexpr double kMostAcross = 0.7;
-  if (const two_view::PlanarMotion* motion = planar(pose)) {
-    return two_view::covarianceOf(
-        *motion, *cameras,
-        plane.answer.covariance + two_view::sharedCovariance(pairs, plane.mask,
-                                                             plane.answer.homography,
-                                                             shared.with(pose.rotation)));
-  }
+  if (const two_view::PlanarMotion* motion = planar(pose)) return covarianceOf(*motion, pairs);
+  const Covariance6 none = Covariance6::Constant(kNaN);
   Epipolar geometry = normalised.fromMotion(pose);
-  if (fit.minimise(geometry)) {
-    const auto covariance =
-        fit.covariance(geometry, cellOf(pairs, input), shared.with(geometry.motion.rotation));
-    if (covariance.allFinite() &&
-        covariance.topLeftCorner<3, 3>().trace() < kMostTurn * kMostTurn &&
-        covariance.bottomRightCorner<2, 2>().trace() < kMostAcross * kMostAcross) {
-      const Covariance6 own = two_view::poseCovariance(covariance, pose.translation);
-      const double scale = fit.scale();
-      const double factor = fit.instability(geometry, cellOf(pairs, input), own);
-      fitted_scale = scale / normalised.scale();
-      return std::max(factor, 1.0) * own;
-    }
+  if (!fit.minimise(geometry)) return none;
+  const double cell = cellOf(pairs, input);
+  const two_view::SharedShifts shifts = shared.with(geometry.motion.rotation);
+  const EpipolarFit::SharedSteps steps = fit.sharedSteps(geometry, shifts);
+  const estimation::Information by_noise = fit.covariance(geometry, cell);
+  const estimation::Information linear = by_noise + steps * steps.transpose();
+  if (!linear.allFinite() || !(linear.topLeftCorner<3, 3>().trace() < kMostTurn * kMostTurn) ||
+      !(linear.bottomRightCorner<2, 2>().trace() < kMostAcross * kMostAcross)) {
+    return none;
   }
-  return Covariance6::Constant(kNaN);
+  Covariance6 own = two_view::poseCovariance(by_noise, pose.translation);
+  for (int error = 0; error < two_view::SharedShifts::kErrors; ++error) {
+    own += spreadOf(
+        two_view::poseCovariance(steps.col(error) * steps.col(error).transpose(), pose.translation),
+        pose, [&](double amount) { return refitted(pose, pairs, input, shifts, error, amount); });
+  }
+  fitted_scale = fit.scale() / normalised.scale();
+  return std::max(fit.instability(geometry, cell, own), 1.0) * own;
 }
 
 /// Sets `result` to the likeliest motion, and `result.other` to the next likeliest motion that has
-/// a probability above kExcluded and clearly differs (kApart). The covariance covers all such
-/// motions. Returns false if the pairs do not determine the likeliest motion.
+/// a probability above kExcluded and clearly differs (kApart). The covariance covers all motions
+/// with a probability above kExcluded. Returns false if the pairs do not determine the likeliest
+/// motion.
 bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewInput& input,
                                         TwoView& result) {
   constexpr double kExcluded = 1e-3;
@@ -550,9 +686,10 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
     const double probability = list[i].probability;
     const RelativePose& pose = list[i].geometry.motion;
     const Eigen::Matrix<double, 6, 1> step = two_view::stepBetween(best, pose);
-    if (!(probability > kExcluded) || step.dot(inverse * step) < kApart) continue;
-    const Covariance6 its = covarianceOf(pose, pairs, input);
+    if (!(probability > kExcluded)) continue;
     result.pose_covariance += std::max(probability, kLeast) * step * step.transpose();
+    if (step.dot(inverse * step) < kApart) continue;
+    const Covariance6 its = covarianceOf(pose, pairs, input);
     if (its.allFinite()) result.pose_covariance += across_best * its * across_best;
     // The length of `step` is the angle between the two translations. The component of their
     // difference that is orthogonal to best.translation is only as long as the sine of this angle.
@@ -568,6 +705,40 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
                                its, 1.0 - result.probability};
   }
   return true;
+}
+
+/// Reports a pure rotation if noise and the errors of a poor calibration explain the difference
+/// between the homography and the homography of the fitted rotation (`turn`). The translation that
+/// the homography implies is then ignored. If the errors explain the difference from any other
+/// rotation, the motion over the plane is in doubt: after a wide turn, a wrong focal length changes
+/// the fitted rotation too, by more than the noise does.
+void TwoViewEstimator::Impl::setPlaneOrRotation(const PointPairs& pairs, const TwoViewInput& input,
+                                                TwoView& result) {
+  // Twice the 99.9 % quantile of chi² with five degrees of freedom. The factor of two is needed
+  // because the shared errors are linearised: if the focal length is wrong by 3 %, for example,
+  // hundredths of a pixel remain unexplained.
+  constexpr double kBound = 2.0 * 20.515;
+  result.probability = 1.0;
+  if (log_rotation <= log_plane) return setRotation(pairs, result);
+  if (!cameras) return setPlane(pairs, input, result);
+  const Eigen::Matrix3d& h = plane.answer.homography;
+  const Eigen::Matrix<double, 8, 8> covariance = poorCovariance(pairs, input);
+  const Eigen::Matrix<double, 8, 1> difference =
+      util::entriesOf(h) - util::entriesOf(cameras->homographyOf(turn.rotation()));
+  if (std::isfinite(log_rotation) &&
+      difference.dot(util::inverseOf(covariance) * difference) < kBound) {
+    return setRotation(pairs, result);
+  }
+  setPlane(pairs, input, result);
+  if (!two_view::hasPose(result) || result.doubt != Doubt::none) return;
+  const auto nearest = two_view::nearestTurn(h, covariance, *cameras, turn.rotation());
+  if (!nearest || !(nearest->distance2 < kBound)) return;
+  // The turn allows for a translation as long as the translation that the homography implies.
+  const double length = planes.front().translation.norm();
+  Covariance6 of_turn = Covariance6::Zero();
+  of_turn.topLeftCorner<3, 3>().diagonal().setConstant(length * length);
+  of_turn.bottomRightCorner<3, 3>() = nearest->covariance;
+  doubtTheTravel(Doubt::other_motion, nearest->rotation, of_turn, result);
 }
 
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
@@ -620,7 +791,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   if (cameras) {
     if (!setMotions(pairs, input, result)) return false;
   } else {
-    if (!fit.covariance(epipolar, cellOf(pairs, input), shared).allFinite()) return false;
+    if (!fit.covariance(epipolar, cellOf(pairs, input)).allFinite()) return false;
     result.fundamental = normalised.inPixels(epipolar);
     result.scale = fit.scale() / normalised.scale();
     result.geometry = Geometry::epipolar;
@@ -630,7 +801,9 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   if (!cameras) return true;
   result.parallax = two_view::parallaxOf(pairs, *cameras, result, values);
   if (result.other) result.doubt = doubtOf(result);
-  if (movesInOneRegion(pairs, result)) doubtTheTravel(result);
+  if (movesInOneRegion(pairs, result)) {
+    doubtTheTravel(Doubt::moving_region, turn.rotation(), turnCovariance(), result);
+  }
   return true;
 }
 

@@ -143,6 +143,65 @@ TEST(SharedShifts, LeaveTheCovarianceOfAnExactCameraUseful) {
   }
 }
 
+/// Returns the position of the reference point `x` if the focal length were `factor` times as long.
+Eigen::Vector2d seenWith(double factor, const Eigen::Vector2d& x) {
+  Eigen::Matrix3d k = camera();
+  k.topLeftCorner<2, 2>() *= factor;
+  return (k * camera().inverse() * x.homogeneous()).hnormalized();
+}
+
+TEST(SharedShifts, OfFocalLengthAndZoomEqualThoseOfSuchCameras) {
+  Numbers numbers(44);
+  SharedErrors errors;
+  errors.linear = 0.5;
+  errors.focal = 0.01;
+  errors.zoom = 0.02;
+  const World world(Shape::depth, numbers);
+  const std::optional<Cameras> cameras(Cameras(camera(), camera()));
+  const SharedShifts shifts(errors, world.pairs, world.input(), cameras);
+  const SharedShifts without_k(errors, world.pairs, world.input(), std::nullopt);
+  const Eigen::Matrix3d h = cameras->homographyOf(world.pose.rotation);
+  const auto mapped = [&](const Eigen::Vector2d& x) -> Eigen::Vector2d {
+    return (h * x.homogeneous()).hnormalized();
+  };
+  for (std::size_t i = 0; i < world.right; ++i) {
+    const Eigen::Vector2d& x = world.pairs.reference[i];
+    const Eigen::Vector2d& u = world.pairs.target[i];
+    const auto columns = shifts.at(x, u);
+    const Eigen::Vector2d focal = seenWith(1.0 + errors.focal, x) - x;
+    EXPECT_LT((columns.col(6).head<2>() - focal).norm(), 1e-9);
+    EXPECT_LT((columns.col(6).tail<2>() - (seenWith(1.0 + errors.focal, u) - u)).norm(), 1e-9);
+    EXPECT_EQ(columns.col(7).head<2>().norm(), 0.0);
+    EXPECT_LT((columns.col(7).tail<2>() - (seenWith(1.0 + errors.zoom, u) - u)).norm(), 1e-9);
+    EXPECT_EQ(columns.col(8).norm(), 0.0);
+    const Eigen::Vector2d relative =
+        columns.col(6).tail<2>() - 0.5 * (mapped(x + focal) - mapped(x - focal));
+    EXPECT_LT((shifts.at(x, u, h).col(6) - relative).norm(), 1e-2);
+    EXPECT_EQ(without_k.at(x, u).rightCols<3>().norm(), 0.0);
+    EXPECT_GT(without_k.at(x, u).leftCols<6>().norm(), 0.5 * errors.linear);
+  }
+}
+
+/// A camera that turned by a radian would blur an image that is read for a third of the time.
+TEST(SharedShifts, OfAFastShutterAreLimited) {
+  constexpr double kMost = 0.05 * 480.0;  // px; ten times as far without the limit
+  Numbers numbers(45);
+  SharedErrors errors;
+  errors.readout = 0.33;
+  const World world(Shape::depth, numbers);
+  const std::optional<Cameras> cameras(Cameras(camera(), camera()));
+  for (const Eigen::Vector3d& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitZ()}) {
+    const SharedShifts shifts = SharedShifts(errors, world.pairs, world.input(), cameras)
+                                    .with(Eigen::AngleAxisd(1.0, axis).toRotationMatrix());
+    double most = 0.0;
+    for (const Eigen::Vector2d& x : world.pairs.reference) {
+      most = std::max(most, shifts.at(x, x).col(8).norm());
+    }
+    EXPECT_LT(most, kMost);
+    EXPECT_GT(most, 1.0);
+  }
+}
+
 TEST(SharedShifts, OfAShutterEqualThoseOfAMovingCamera) {
   Numbers numbers(43);
   SharedErrors errors;

@@ -382,6 +382,72 @@ TEST_P(NearPlane, WrongMotionsHaveALargeCovariance) {
 
 INSTANTIATE_TEST_SUITE_P(SharesOffThePlane, NearPlane, testing::Values(0.0, 0.02, 0.05, 0.1));
 
+struct Drawn {
+  const char* name;
+  Shape shape;
+  World (*draw)(Shape, Numbers&);
+  int certain;  ///< most motions that may be wrong and certain
+  int doubted;  ///< most right motions that may have a doubt, in percent
+};
+
+class WithErrors : public testing::TestWithParam<Drawn> {};
+
+/// Focal length and zoom are as wrong as is expected.
+TEST_P(WithErrors, AWrongMotionIsDoubtedOrHasALargeCovariance) {
+  Numbers numbers(37);
+  TwoViewOptions options;
+  options.shared_errors = SharedErrors::ofRealCameras();
+  TwoViewEstimator estimator(options);
+  TwoView result;
+  int certain = 0;
+  int right = 0;
+  int doubted = 0;
+  for (int run = 0; run < 2 * kRuns; ++run) {
+    World world = GetParam().draw(GetParam().shape, numbers);
+    estimateWithErrors(world, options.shared_errors, numbers, estimator, result);
+    const Judgement judgement = judged(world, result);
+    certain += judgement.certain;
+    right += !judgement.wrong;
+    doubted += !judgement.wrong && result.doubt != Doubt::none;
+  }
+  EXPECT_LE(certain, GetParam().certain);
+  EXPECT_LE(100 * doubted, right * GetParam().doubted) << doubted << " of " << right;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    TwoView, WithErrors,
+    testing::Values(Drawn{"wide_turn", Shape::turn, worldOfAWideTurn, 1, 20},
+                    Drawn{"wide_turn_with_depth", Shape::depth, worldOfAWideTurn, 1, 5},
+                    Drawn{"repeating_plane", Shape::plane, worldThatRepeats, 1, 100},
+                    Drawn{"little_parallax", Shape::depth, worldOfLittleParallax, 2, 20}),
+    [](const auto& info) { return info.param.name; });
+
+/// A box before a wall is shifted against it as by a period, but it is in another place.
+TEST(TwoView, ABoxBeforeAWallIsNoRepetition) {
+  Numbers numbers(38);
+  TwoViewEstimator estimator;
+  TwoView result;
+  int depth = 0;
+  int said = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    const Travel travel(randomRotation(0.02, numbers), Eigen::Vector3d(0.5, 0.0, 0.0));
+    World world(Shape::plane, travel, numbers, 400, 0, 0.2);
+    const Eigen::Vector2d corner(numbers.uniform(50.0, 350.0), numbers.uniform(50.0, 250.0));
+    for (std::size_t i = 0; i < world.right; ++i) {
+      const Eigen::Vector2d at = world.pairs.reference[i] - corner;
+      if (at.minCoeff() > 0.0 && at.maxCoeff() < 200.0) world.pairs.target[i].x() += 25.0;
+    }
+    const std::vector<double> deviations(world.pairs.size(), 1.0);
+    TwoViewInput input = world.input();
+    input.deviations = &deviations;
+    estimator.estimate(world.pairs, input, result);
+    depth += result.geometry == Geometry::epipolar;
+    said += result.doubt == Doubt::repetitive;
+  }
+  EXPECT_GE(depth, kRuns * 9 / 10);
+  EXPECT_LE(said, kRuns / 100);
+}
+
 /// A camera that moved by thousandths of the distance only seems to turn: errors of 0.1 px may be
 /// parallax.
 TEST(TwoView, CovarianceOfATurnIncludesAnUnseenParallax) {

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <limits>
 #include <opencv2/core/types.hpp>
+#include <vector>
 
 #include "ktgp_orb/two_view.h"
 #include "synthetic_pairs.h"
@@ -172,6 +173,50 @@ inline World worldOverAPlane(double share_off, Numbers& numbers) {
   return world;
 }
 
+/// A tenth to seven tenths of the pairs are one period off, as on a texture that repeats itself.
+inline World worldThatRepeats(Shape shape, Numbers& numbers) {
+  World world(shape, numbers, 400, 80, 0.2);
+  const double share = numbers.uniform(0.1, 0.7);
+  const Eigen::Vector2d period(numbers.uniform(20.0, 120.0), 0.0);
+  for (std::size_t i = 0; i < world.right; ++i) {
+    if (numbers.uniform(0.0, 1.0) < share) world.pairs.target[i] += period;
+  }
+  return world;
+}
+
+/// The camera turns by 8 to 35 degrees.
+inline World worldOfAWideTurn(Shape shape, Numbers& numbers) {
+  constexpr double kDegree = 0.017453292519943295;
+  Travel travel(shape, numbers);
+  travel.rotation = Eigen::AngleAxisd(numbers.uniform(8.0, 35.0) * kDegree,
+                                      Eigen::AngleAxisd(travel.rotation).axis())
+                        .toRotationMatrix();
+  return {shape, travel, numbers, 400, 80, 0.2};
+}
+
+/// The median parallax is 0.05 to 1 degrees.
+inline World worldOfLittleParallax(Shape shape, Numbers& numbers) {
+  Travel travel(shape, numbers);
+  travel.translation = numbers.uniform(0.005, 0.12) * travel.translation.normalized();
+  return {shape, travel, numbers, 400, 80, 0.2};
+}
+
+/// Estimates the motion with a focal length and a zoom that are as wrong as `errors` expects.
+/// Patches of the unrelated points could not be aligned.
+inline void estimateWithErrors(World& world, const SharedErrors& errors, Numbers& numbers,
+                               TwoViewEstimator& estimator, TwoView& found) {
+  constexpr double kUnaligned = 12.0;  // relative deviation, as in TwoViewMatcher
+  const Eigen::Vector2d centre = camera().topRightCorner<2, 1>();
+  const double zoom = 1.0 + errors.zoom * numbers.normal();
+  for (Eigen::Vector2d& u : world.pairs.target) u = centre + zoom * (u - centre);
+  TwoViewInput input = world.input();
+  input.reference_camera->topLeftCorner<2, 2>() *= 1.0 + errors.focal * numbers.normal();
+  std::vector<double> deviations(world.pairs.size(), kUnaligned);
+  std::fill_n(deviations.begin(), world.right, 1.0);
+  input.deviations = &deviations;
+  estimator.estimate(world.pairs, input, found);
+}
+
 /// Normalised squared error of the parameters: `freedom` of them have an error, 3 for the rotation
 /// alone.
 inline double normalisedError(const World& world, const RelativePose& pose,
@@ -194,6 +239,31 @@ inline double normalisedError(const World& world, const RelativePose& pose,
 inline double normalisedError(const World& world, const TwoView& found, int freedom) {
   if (found.status != Status::ok) return std::numeric_limits<double>::infinity();
   return normalisedError(world, found.pose, found.pose_covariance, freedom);
+}
+
+/// How a motion compares with the truth.
+struct Judgement {
+  bool wrong = false;    ///< off by more than 5 degrees
+  bool certain = false;  ///< wrong, the truth is beyond the bound of 99.9 %, and there is no doubt
+};
+
+inline Judgement judged(const World& world, const TwoView& found) {
+  constexpr double kOff = 5.0 * 0.017453292519943295;
+  constexpr double kKnown = 0.5;  // rad; a direction that is less certain claims nothing
+  Judgement judgement;
+  if (found.status != Status::ok) return judgement;
+  const bool turned = found.geometry == Geometry::rotation;
+  const bool still = world.pose.translation.isZero(0.0);
+  const double across = std::sqrt(found.pose_covariance.topLeftCorner<3, 3>().trace());
+  bool wrong = world.turnError(found.pose) > kOff;
+  bool outside = !(normalisedError(world, found, 3) < 16.27);
+  if (!turned && !still) {
+    wrong = wrong || world.directionError(found.pose) > kOff;
+    outside = !(normalisedError(world, found, 5) < 20.52);
+  } else if (!turned) {
+    wrong = outside = wrong || across < kKnown;
+  }
+  return {wrong, wrong && outside && found.doubt == Doubt::none};
 }
 
 }  // namespace ktgp_orb::two_view
