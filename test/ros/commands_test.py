@@ -137,7 +137,7 @@ NOT_RUN = {
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
         'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}',
         'build/bench/bin/targets_accuracy {recall 300 30 10 100 1000,following 1000 600 5000 0}'],
-    'dev/check_workspace runs it, or its like, in a workspace of its own, in CI': [
+    'dev/check_workspace runs it, with options, in a workspace of its own, in CI': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
     'dev/check runs it, where Doxygen is': ['cmake --build BUILD --target doc'],
