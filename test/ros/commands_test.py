@@ -149,7 +149,8 @@ NOT_RUN = {
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
     'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
     'installs packages': [
-        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
+        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test',
+        'src/ktgp_orb/scripts/setup build'],
     "waits for images, or for a master that has it; ROS's own": [
         'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag {reindex,filter}',
         'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
@@ -191,7 +192,7 @@ def commands_of(text):
         found.append(re.sub(r'\s+#.*', '', line).strip())
     for span in re.findall(r'`([^`\n]+)`', text):
         word = span.split()[0]
-        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$', word) or \
+        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$|\S+/scripts/setup$', word) or \
                 span == 'catkin_make':
             found.append(span)
     helpers = ('scripts/environment', 'scripts/setup', 'dev/update_documents')
