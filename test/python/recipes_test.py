@@ -93,8 +93,10 @@ class RecipesTest(FolderCase):
         shutil.copy('first.png', 'posters')
         self.write('H.txt', '1 0 -20\n0 1 0\n0 0 1\n')
         camera = ['--camera', '520,520,319.5,239.5']
-        self.tool('ktgp_match', 'first.png', 'second.png', '--ground-truth', 'H.txt', '--json', 'h.json', '--csv', 'h.csv')
-        self.tool('ktgp_match', 'first.png', 'depth.png', '--preset', 'slam', *camera, '--json', 'e.json', '--csv', 'e.csv')
+        self.tool('ktgp_match', 'first.png', 'second.png', '--ground-truth', 'H.txt', '--json', 'h.json',
+                  '--csv', 'h.csv')
+        self.tool('ktgp_match', 'first.png', 'depth.png', '--preset', 'slam', *camera, '--json', 'e.json',
+                  '--csv', 'e.csv')
         self.tool('ktgp_find', 'second.png', 'posters', *camera, '--json', 'f.json')
         self.tool('ktgp_bag', '[fd]*.png', 'out.bag', '--preset', 'slam', *camera, '--csv', 'b.csv')
         with open(os.path.join(ROOT, 'doc', 'formats.md'), encoding='utf-8') as file:

@@ -61,9 +61,9 @@ class BagEvaluationTest(FolderCase):
         self.assertLess(errors[len(errors) // 2], 0.02)
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
 
-    def said_about_imu(self, late, degrees):
-        """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, and tf has it turned by that
-        angle about the optical axis."""
+    def said_about_imu(self, late, degrees, scale=1.0):
+        """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, tf has it turned by that angle
+        about the optical axis, and its angular velocity is multiplied by the scale."""
         with self.changed_bag() as (messages, rig):
             first = True
             for _, topic, message, stamp in messages:
@@ -77,6 +77,8 @@ class BagEvaluationTest(FolderCase):
                     first = False
                     message.header.stamp += rospy.Duration(late)
                     message.header.frame_id = 'imu'
+                    for axis in 'xyz':
+                        setattr(message.angular_velocity, axis, scale * getattr(message.angular_velocity, axis))
                 rig.write(topic, message, stamp)
         return self.motion('changed.bag', '--reference_mode', 'keyframe', '--motion_gyro', 'true', *BY_IMU)[0]
 
@@ -89,6 +91,13 @@ class BagEvaluationTest(FolderCase):
         turned = re.search(r'the Imu seems to be mounted ([0-9.]+) \+- ([0-9.]+) degrees off about z', said)
         self.assertTrue(turned, said)
         self.assertAlmostEqual(float(turned.group(1)), 2.0, delta=4 * float(turned.group(2)))
+
+    def test_a_wrong_scale_of_the_gyroscope_is_named_and_nothing_else(self):
+        said = self.said_about_imu(0.0, 0.0, scale=1.05)
+        scale = re.search(r"the scale of the Imu's angular velocity seems ([0-9.]+) \+- ([0-9.]+) % too large", said)
+        self.assertTrue(scale, said)
+        self.assertAlmostEqual(float(scale.group(1)), 5.0, delta=4 * float(scale.group(2)))
+        self.assertEqual(len(re.findall('seems?', said)), 1, said)
 
     def test_a_correctly_mounted_imu_has_no_warning(self):
         said = self.said_about_imu(0.0, 0.0)
