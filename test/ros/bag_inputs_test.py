@@ -9,7 +9,7 @@ import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import TransformStamped
-from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_turned, views, write_bag
+from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_of_hills, view_turned, views, write_bag
 from poster import information
 from sensor_msgs.msg import CompressedImage, Image, Range
 from tf2_msgs.msg import TFMessage
@@ -297,16 +297,9 @@ class BagInputsTest(FolderCase):
             'turned, tilted or moved too far for one plane', 'it does not only turn: the homographies are'))
 
     def test_the_mosaic_says_that_the_scene_is_no_plane(self):
-        ground = texture()
-        y, x = np.mgrid[:SIZE[1], :SIZE[0]].astype(np.float32)
-
-        def seen_from(moved, relief):
-            """Hills, whose tops move by the share `relief` more than the ground, and whose valleys by as much less."""
-            hill = np.sin((x + moved) / 50) * np.cos(y / 50)
-            return cv2.remap(ground, x + 100 + moved * (1 + relief * hill), y + 100, cv2.INTER_LINEAR)
         words = 'map.png: the scene is no plane: points are about '
         for relief in (0.0, 0.1):
-            bag = self.write_bag([seen_from(4.0 * i, relief) for i in range(41)])
+            bag = self.write_bag([view_of_hills(4.0 * i, relief, *SIZE) for i in range(41)])
             text = self.run_bag(bag, '--mosaic', 'map.png', words='41 frames, 0 of them lost')
             self.assertEqual(words in text, relief > 0.0, text)
 

@@ -60,6 +60,14 @@ def view_turned(degrees, focal, zoom=1.0, width=640, height=480):
     return cv2.warpPerspective(_TEXTURE, warp, (width, height))
 
 
+def view_of_hills(moved, relief, width=640, height=480):
+    """The view of a camera that has moved to the right. The hills move in it by the share `relief` more than the level
+    ground, the valleys by as much less."""
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    hill = np.sin((x + moved) / 50) * np.cos(y / 50)
+    return cv2.remap(_TEXTURE, x + 100 + moved * (1 + relief * hill), y + 100, cv2.INTER_LINEAR)
+
+
 def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     message = Image()
     message.header.stamp = stamp
@@ -100,6 +108,22 @@ def messages_of(bag, topic):
 def images_of(count):
     """As ktgp_bag begins its summary."""
     return '%d image%s of' % (count, '' if count == 1 else 's')
+
+
+def fake_package(folder, package, program, then='exec sleep 1000'):
+    """A package with a program that writes its arguments to the file $FAKE_OUTPUT and then waits."""
+    os.makedirs(os.path.join(folder, 'lib', package))
+    os.makedirs(os.path.join(folder, 'share', package))
+    open(os.path.join(folder, '.catkin'), 'w').close()
+    with open(os.path.join(folder, 'share', package, 'package.xml'), 'w') as file:
+        file.write('<package format="2"><name>%s</name><version>1.0.0</version><description>x'
+                   '</description><maintainer email="a@b.c">x</maintainer><license>BSD</license>'
+                   '</package>' % package)
+    path = os.path.join(folder, 'lib', package, program)
+    with open(path, 'w') as file:
+        file.write('#!/bin/sh\necho "$@" >"$FAKE_OUTPUT.new"\nmv "$FAKE_OUTPUT.new" "$FAKE_OUTPUT"\n'
+                   '%s\n' % then)
+    os.chmod(path, 0o755)
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
