@@ -39,7 +39,7 @@ def moved(image):
 
 
 def by_program(reference, target, *options):
-    """What ktgp_match writes about two pictures."""
+    """Returns the JSON that ktgp_match writes about two pictures."""
     with tempfile.TemporaryDirectory() as folder:
         files = [os.path.join(folder, name) for name in ('a.png', 'b.png', 'out.json')]
         cv2.imwrite(files[0], reference)

@@ -21,7 +21,7 @@ BY_IMU = ('--motion_normal_source', 'imu', '--motion_base_frame=')
 
 class BagEvaluationTest(FolderCase):
     def motion(self, bag, *options, **expected):
-        """What ktgp_bag says, and its table."""
+        """Returns the messages of ktgp_bag and its table."""
         run = self.run_program(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--motion',
                                'motion.csv', '--force', *options, **expected)
         return run.stdout + run.stderr, self.table('motion.csv') if os.path.exists(self.path('motion.csv')) else []
@@ -62,8 +62,8 @@ class BagEvaluationTest(FolderCase):
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
 
     def said_about_imu(self, late, degrees, scale=1.0):
-        """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, tf has it turned by that angle
-        about the optical axis, and its angular velocity is multiplied by the scale."""
+        """Returns the messages of ktgp_bag if the stamps of the Imu are late by so many seconds, if tf has it turned by
+        that angle about the optical axis, and if its angular velocity is multiplied by the scale."""
         with self.changed_bag() as (messages, rig):
             first = True
             for _, topic, message, stamp in messages:

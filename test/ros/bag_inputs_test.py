@@ -411,7 +411,7 @@ class BagMotionInputsTest(FolderCase):
         self.assertIn('the images have lens distortion', run.stderr)
 
     def test_a_reference_by_another_camera_gives_no_motion(self):
-        """Of a drawn map nobody knows K."""
+        """Nobody knows the K of a drawn map."""
         self.record(self.mount())
         cv2.imwrite(self.path('map.png'), texture()[50:650, 50:750])
         run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--motion', 'm.csv',

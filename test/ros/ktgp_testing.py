@@ -203,12 +203,12 @@ def wait_for_matcher(camera, *recorders):
 
 
 def translation(message):
-    """Of a message with a homography, px."""
+    """Returns the translation of a message's homography in x and y, px."""
     return message.homography[2], message.homography[5]
 
 
 def no_delay(publisher):
-    """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
+    """Returns whether the subscribers' connections have TCP_NODELAY, as each requested."""
     return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
             for connection in publisher.impl.connections}
 
@@ -232,7 +232,7 @@ class MatcherCase(unittest.TestCase):
         wait_for_matcher(cls.camera, *(getattr(cls, name) for name in cls.topics))
 
     def configure(self, **parameters):
-        """What it accepts."""
+        """Sets parameters, and returns the values that the matcher has accepted."""
         return self.client.update_configuration(parameters)
 
     def call(self, service):
@@ -245,7 +245,7 @@ class MatcherCase(unittest.TestCase):
 
 
 class Memory:
-    """Of the process of a node, MB: what it holds, and the most since begin()."""
+    """The memory of a node's process, MB: what it holds now, and the most since begin()."""
 
     def __init__(self, node):
         uri = rosgraph.Master('/memory').lookupNode(node)
@@ -406,7 +406,7 @@ class Diagnostics(Recorder):
         return [status for array in self.messages()[since:] for status in array.status if status.name.endswith(task)]
 
     def values(self, task):
-        """Of each of its reports, by their keys."""
+        """Returns a dictionary of the values of each report of a task."""
         return [{value.key: value.value for value in status.values} for status in self.of(task)]
 
     def wait_for_words(self, words, meanwhile=lambda: None):

@@ -244,7 +244,7 @@ class LaunchRunTest(FolderCase):
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
-        # Of the bag itself only the images were played.
+        # Only the images of the bag itself were played.
         self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
         lost = 'images have no results, because the matcher was busy'
         self.assertEqual(lost in output, len(stamps) < FRAMES, output)

@@ -20,7 +20,7 @@ START = (100, 100)
 
 
 def rms_error(message, x, y):
-    """Of the frame's corners in the map, whose first frame was at START; px."""
+    """Returns the RMS error of the frame's corners in the map, whose first frame was at START; px."""
     found = np.linalg.inv(np.reshape(message.homography, (3, 3)))
     return np.sqrt(np.mean(np.sum(corners_off(found, shift(x - START[0], y - START[1])) ** 2, axis=1)))
 
