@@ -7,6 +7,7 @@ import re
 import shutil
 import unittest
 
+import numpy as np
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped
@@ -171,6 +172,44 @@ class RealMotionTest(FolderCase):
         self.assertEqual(len(rows), 2)
         return [[[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
                 for line in rows]
+
+    def write_turned_bag(self):
+        """The recording, as a driver gives it that turns the images of a camera that is mounted upside down."""
+        with rosbag.Bag(REAL) as bag, rosbag.Bag(self.path('turned.bag'), 'w') as turned:
+            for topic, message, stamp in bag.read_messages():
+                if topic == '/camera/image_rect':
+                    message.data = message.data[::-1]  # one byte for each pixel
+                elif topic == '/camera/camera_info':
+                    P = list(message.P)
+                    P[2], P[6] = message.width - 1 - P[2], message.height - 1 - P[6]
+                    message.P = P
+                elif topic == '/tf_static':
+                    for place in message.transforms:
+                        if place.child_frame_id == 'camera':
+                            q = place.transform.rotation
+                            q.x, q.y, q.z, q.w = q.y, -q.x, q.w, -q.z  # by 180 degrees about the optical axis
+                turned.write(topic, message, stamp)
+
+    def velocities(self, bag, readout_time):
+        self.run_program(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--force', '--start', '3',
+                         '--duration', '2', '--motion', 'motion.csv', '--motion_readout_time=%g' % readout_time,
+                         '--reference_mode', 'previous', '--guided', 'true', '--gms_grid', '0', code=None)
+        return {row['stamp']: np.array([float(row[name]) for name in ('vx', 'vy', 'vz')])
+                for row in FolderCase.table(self, 'motion.csv') if row['vx']}
+
+    def test_a_readout_time_below_0_gives_the_velocities_of_images_that_are_turned_by_180_degrees(self):
+        self.write_turned_bag()
+        expected = self.velocities(REAL, 0.0155)
+        self.assertGreater(len(expected), 100)
+        off = {}
+        for readout_time in (-0.0155, 0.0155):
+            found = self.velocities('turned.bag', readout_time)
+            errors = [np.sum((found[stamp] - expected[stamp]) ** 2) for stamp in expected if stamp in found]
+            self.assertGreater(len(errors), 100)
+            off[readout_time] = 1000 * np.sqrt(np.mean(errors))
+        print('differs by %.1f mm/s, with the wrong sign by %.1f mm/s' % (off[-0.0155], off[0.0155]))
+        self.assertLess(off[-0.0155], 20.0)
+        self.assertGreater(off[0.0155], 2 * off[-0.0155], 'the sign matters')
 
     def check(self, *options, least_within, most_error=45.0):
         for cells, least_frames, most_lost in zip(self.table(*options), (500, 400), (7.0, 3.0)):
