@@ -93,7 +93,7 @@ class Run:
 
 
 def parameters_of(arguments, folder):
-    """Of every matcher."""
+    """Returns the parameters of every matcher."""
     if not arguments.lost_target:
         return {'search_radius': arguments.search_radius}
     reference = os.path.join(folder, 'reference.png')

@@ -603,7 +603,7 @@ TEST(TargetPose, LensIsTakenOutOfTheDetection) {
   EXPECT_GT(difference(without.poses[0].target_to_camera, truth).norm(), 3e-3);
 }
 
-/// Of a picture that is less tall than the object, as seen by a camera that moves to the side.
+/// Detects a picture that is less tall than the object, seen by a camera that moves to the side.
 DetectedTarget ofAnotherShape(const Passing& passing, double seconds, std::mt19937& random) {
   constexpr double kTaller = 1.15;
   DetectedTarget target;

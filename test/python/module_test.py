@@ -39,7 +39,7 @@ def moved(image):
 
 
 def by_program(reference, target, *options):
-    """What ktgp_match writes about two pictures."""
+    """Returns the JSON that ktgp_match writes about two pictures."""
     with tempfile.TemporaryDirectory() as folder:
         files = [os.path.join(folder, name) for name in ('a.png', 'b.png', 'out.json')]
         cv2.imwrite(files[0], reference)
@@ -356,6 +356,9 @@ class ModuleTest(unittest.TestCase):
             (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.zeros((3, 3))), 'upper triangular'),
             (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.diag([900.0, 900.0, 1.0]), target_K=np.full((3, 3), np.nan)),
              'the K of the target camera'),
+            (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.eye(3)), 'a focal length in'),
+            (lambda: ktgp.match(grey, moved(grey)[:400], 'slam', K=np.array([[520, 0, 320], [0, 520, 240], [0, 0, 1.0]])),
+             'so they cannot share a K'),
             (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2; expected a number in'),
             (lambda: ktgp.match(grey, grey, T_w='x'), 'T_w is'),
             (lambda: ktgp.match(grey, grey, features=1.5), 'features is 1.5'),

@@ -5,11 +5,13 @@ import glob
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
 
 import cv2
 import numpy as np
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 
 sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
 from tool_case import FolderCase, two_depths  # noqa: E402
@@ -62,8 +64,64 @@ class RecipesTest(FolderCase):
         self.assertEqual(names['found'].status, 'ok')
         self.assertEqual(names['moved'].status, 'ok')
         self.assertEqual(names['target'].id, 'door')
+        x, y = np.round(names['features'].keypoints[:, :2]).astype(int).T
+        self.assertGreater(len(x), 100)
+        self.assertGreaterEqual(names['first'][y, x].min(), 50, 'hidden pixels have no keypoints')
         self.assertEqual(len(names['target'].poses), 1)
         self.assertGreater(names['mosaic'].image.shape[1], 640)
+
+    def test_the_message_in_readme_has_the_fields_of_the_topic(self):
+        with open(os.path.join(ROOT, 'README.md'), encoding='utf-8') as file:
+            lines, = [block.splitlines() for block in re.findall(r'^```\n(.*?)^```', file.read(), re.M | re.S)
+                      if 'homography:' in block]
+        fields = HomographyStamped.__slots__
+        printed = [line.split(':')[0] for line in lines]
+        self.assertEqual(printed, [field for field in fields if field in printed], 'the topic has this order')
+        values = {line.split(':')[0]: line.split(':')[1].split('#') for line in lines}
+        self.assertEqual(int(values['status'][0]), getattr(MatchStatus, values['status'][1].strip()))
+        H = [float(number) for number in re.findall(r'[-+.e\d]+', values['homography'][0])]
+        self.assertEqual((len(H), H[8]), (len(HomographyStamped().homography), 1.0))
+        self.assertLessEqual({'inliers', 'reprojection_rmse', 'covariance'}, set(printed))
+
+    def tool(self, name, *arguments):
+        subprocess.run([os.path.join(os.environ['KTGP_ORB_TOOLS'], name), '--force', *arguments], check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def test_formats_names_every_field_and_column(self):
+        cv2.imwrite('depth.png', self.names['second'])
+        os.mkdir('posters')
+        shutil.copy('first.png', 'posters')
+        self.write('H.txt', '1 0 -20\n0 1 0\n0 0 1\n')
+        camera = ['--camera', '520,520,319.5,239.5']
+        self.tool('ktgp_match', 'first.png', 'second.png', '--ground-truth', 'H.txt', '--json', 'h.json',
+                  '--csv', 'h.csv')
+        self.tool('ktgp_match', 'first.png', 'depth.png', '--preset', 'slam', *camera, '--json', 'e.json',
+                  '--csv', 'e.csv')
+        self.tool('ktgp_find', 'second.png', 'posters', *camera, '--json', 'f.json')
+        self.tool('ktgp_bag', '[fd]*.png', 'out.bag', '--preset', 'slam', *camera, '--csv', 'b.csv')
+        with open(os.path.join(ROOT, 'doc', 'formats.md'), encoding='utf-8') as file:
+            text = file.read()
+        named = set(re.findall(r'[\w…]+', ' '.join(re.findall(r'`([^`\n]+)`', text))))
+        begins = tuple(name[:-1] for name in named if name.endswith('…'))
+        ranges = re.findall(r'`(\w+)`,? …,? `(\w+)`', text)
+
+        def keys(value):
+            if isinstance(value, dict):
+                for key, each in value.items():
+                    yield key
+                    if key != 'options':
+                        yield from keys(each)
+            elif isinstance(value, list):
+                for each in value:
+                    yield from keys(each)
+        unnamed = {key for name in ('h', 'e', 'f') for key in keys(self.json(name + '.json'))} - named
+        for name in ('h', 'e', 'b'):
+            with open(name + '.csv', encoding='utf-8') as file:
+                columns = file.readline().strip().split(',')
+            between = {column for first, last in ranges if first in columns
+                       for column in columns[columns.index(first):columns.index(last) + 1]}
+            unnamed |= {column for column in set(columns) - named - between if not column.startswith(begins)}
+        self.assertEqual(unnamed, set(), 'doc/formats.md does not name them')
 
     def test_the_covariance_in_json_is_a_matrix(self):
         C = self.run_page('doc/formats.md')['C']

@@ -7,6 +7,7 @@ import re
 import shutil
 import unittest
 
+import numpy as np
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped
@@ -21,7 +22,7 @@ BY_IMU = ('--motion_normal_source', 'imu', '--motion_base_frame=')
 
 class BagEvaluationTest(FolderCase):
     def motion(self, bag, *options, **expected):
-        """What ktgp_bag says, and its table."""
+        """Returns the messages of ktgp_bag and its table."""
         run = self.run_program(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--motion',
                                'motion.csv', '--force', *options, **expected)
         return run.stdout + run.stderr, self.table('motion.csv') if os.path.exists(self.path('motion.csv')) else []
@@ -61,9 +62,9 @@ class BagEvaluationTest(FolderCase):
         self.assertLess(errors[len(errors) // 2], 0.02)
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
 
-    def said_about_imu(self, late, degrees):
-        """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, and tf has it turned by that
-        angle about the optical axis."""
+    def said_about_imu(self, late, degrees, scale=1.0):
+        """Returns the messages of ktgp_bag if the stamps of the Imu are late by so many seconds, if tf has it turned by
+        that angle about the optical axis, and if its angular velocity is multiplied by the scale."""
         with self.changed_bag() as (messages, rig):
             first = True
             for _, topic, message, stamp in messages:
@@ -77,6 +78,8 @@ class BagEvaluationTest(FolderCase):
                     first = False
                     message.header.stamp += rospy.Duration(late)
                     message.header.frame_id = 'imu'
+                    for axis in 'xyz':
+                        setattr(message.angular_velocity, axis, scale * getattr(message.angular_velocity, axis))
                 rig.write(topic, message, stamp)
         return self.motion('changed.bag', '--reference_mode', 'keyframe', '--motion_gyro', 'true', *BY_IMU)[0]
 
@@ -89,6 +92,13 @@ class BagEvaluationTest(FolderCase):
         turned = re.search(r'the Imu seems to be mounted ([0-9.]+) \+- ([0-9.]+) degrees off about z', said)
         self.assertTrue(turned, said)
         self.assertAlmostEqual(float(turned.group(1)), 2.0, delta=4 * float(turned.group(2)))
+
+    def test_a_wrong_scale_of_the_gyroscope_is_named_and_nothing_else(self):
+        said = self.said_about_imu(0.0, 0.0, scale=1.05)
+        scale = re.search(r"the scale of the Imu's angular velocity seems ([0-9.]+) \+- ([0-9.]+) % too large", said)
+        self.assertTrue(scale, said)
+        self.assertAlmostEqual(float(scale.group(1)), 5.0, delta=4 * float(scale.group(2)))
+        self.assertEqual(len(re.findall('seems?', said)), 1, said)
 
     def test_a_correctly_mounted_imu_has_no_warning(self):
         said = self.said_about_imu(0.0, 0.0)
@@ -163,12 +173,50 @@ class RealMotionTest(FolderCase):
         return [[[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
                 for line in rows]
 
-    def check(self, *options, least_within):
+    def write_turned_bag(self):
+        """The recording, as a driver gives it that turns the images of a camera that is mounted upside down."""
+        with rosbag.Bag(REAL) as bag, rosbag.Bag(self.path('turned.bag'), 'w') as turned:
+            for topic, message, stamp in bag.read_messages():
+                if topic == '/camera/image_rect':
+                    message.data = message.data[::-1]  # one byte for each pixel
+                elif topic == '/camera/camera_info':
+                    P = list(message.P)
+                    P[2], P[6] = message.width - 1 - P[2], message.height - 1 - P[6]
+                    message.P = P
+                elif topic == '/tf_static':
+                    for place in message.transforms:
+                        if place.child_frame_id == 'camera':
+                            q = place.transform.rotation
+                            q.x, q.y, q.z, q.w = q.y, -q.x, q.w, -q.z  # by 180 degrees about the optical axis
+                turned.write(topic, message, stamp)
+
+    def velocities(self, bag, readout_time):
+        self.run_program(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--force', '--start', '3',
+                         '--duration', '2', '--motion', 'motion.csv', '--motion_readout_time=%g' % readout_time,
+                         '--reference_mode', 'previous', '--guided', 'true', '--gms_grid', '0', code=None)
+        return {row['stamp']: np.array([float(row[name]) for name in ('vx', 'vy', 'vz')])
+                for row in FolderCase.table(self, 'motion.csv') if row['vx']}
+
+    def test_a_readout_time_below_0_gives_the_velocities_of_images_that_are_turned_by_180_degrees(self):
+        self.write_turned_bag()
+        expected = self.velocities(REAL, 0.0155)
+        self.assertGreater(len(expected), 100)
+        off = {}
+        for readout_time in (-0.0155, 0.0155):
+            found = self.velocities('turned.bag', readout_time)
+            errors = [np.sum((found[stamp] - expected[stamp]) ** 2) for stamp in expected if stamp in found]
+            self.assertGreater(len(errors), 100)
+            off[readout_time] = 1000 * np.sqrt(np.mean(errors))
+        print('differs by %.1f mm/s, with the wrong sign by %.1f mm/s' % (off[-0.0155], off[0.0155]))
+        self.assertLess(off[-0.0155], 20.0)
+        self.assertGreater(off[0.0155], 2 * off[-0.0155], 'the sign matters')
+
+    def check(self, *options, least_within, most_error=45.0):
         for cells, least_frames, most_lost in zip(self.table(*options), (500, 400), (7.0, 3.0)):
             frames, lost, error, _, squares, within, drift = cells
             self.assertGreater(frames[0], least_frames)
             self.assertLess(lost[0], most_lost)
-            self.assertLess(error[0], 45.0)  # mm/s, root mean square
+            self.assertLess(error[0], most_error)  # mm/s, root mean square
             self.assertLess(squares[0], 8.0)
             self.assertGreater(within[0], least_within)
             self.assertLess(max(drift), 1.0)  # % of the way
@@ -183,3 +231,7 @@ class RealMotionTest(FolderCase):
 
     def test_velocity_from_keyframes(self):
         self.check('--reference_mode', 'keyframe', '--guided', 'true', least_within=97.5)
+
+    def test_velocity_from_keyframes_without_the_grid(self):
+        self.check('--reference_mode', 'keyframe', '--guided', 'true', '--gms_grid', '0', least_within=96.5,
+                   most_error=52.0)

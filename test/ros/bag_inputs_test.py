@@ -10,7 +10,7 @@ import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import TransformStamped
-from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_turned, views, write_bag
+from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_of_hills, view_turned, views, write_bag
 from poster import information
 from sensor_msgs.msg import CompressedImage, Image, Range
 from tf2_msgs.msg import TFMessage
@@ -320,6 +320,13 @@ class BagInputsTest(FolderCase):
                 if not arguments:
                     self.assertEqual(set(always + ran), set(times))
 
+    def test_the_mosaic_says_that_the_scene_is_no_plane(self):
+        words = 'map.png: the scene is no plane: points are about '
+        for relief in (0.0, 0.1):
+            bag = self.write_bag([view_of_hills(4.0 * i, relief, *SIZE) for i in range(41)])
+            text = self.run_bag(bag, '--mosaic', 'map.png', words='41 frames, 0 of them lost')
+            self.assertEqual(words in text, relief > 0.0, text)
+
     def test_why_every_image_was_refused_is_said_with_a_video_too(self):
         def no_encoding(image):
             image.encoding = 100000 * 'x'
@@ -428,7 +435,7 @@ class BagMotionInputsTest(FolderCase):
         self.assertIn('the images have lens distortion', run.stderr)
 
     def test_a_reference_by_another_camera_gives_no_motion(self):
-        """Of a drawn map nobody knows K."""
+        """Nobody knows the K of a drawn map."""
         self.record(self.mount())
         cv2.imwrite(self.path('map.png'), texture()[50:650, 50:750])
         run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--motion', 'm.csv',

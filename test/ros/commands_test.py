@@ -16,7 +16,7 @@ import unittest
 import cv2
 from sensor_msgs.msg import CameraInfo
 
-from ktgp_testing import TIMEOUT, free_port, view, views, write_bag
+from ktgp_testing import TIMEOUT, fake_package, free_port, view, views, write_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
@@ -38,9 +38,16 @@ class Run:
         return self.before + command + self.add
 
 
+def in_a_folder_of_its_own(*inputs, makes, **how):
+    """With copies of the inputs, since the documents write several results to the same file; it makes these files."""
+    how['before'] = 'cd "$(mktemp -d -p .)" && %s && ' % ' && '.join('cp ../%s .' % name for name in inputs)
+    return Run(add=''.join(' && test -s ' + name for name in makes), **how)
+
+
 AS_WRITTEN = Run()
 MATCHER = Run(until='matches images on /camera/image_raw')
 CONSUMER = Run(until='takes images on /camera/image_raw')
+RVIZ = Run(until='process[rviz')  # a stand-in for it: see setUpClass
 MOTION = Run(until='takes matches on /camera/matcher/match')
 SMALL = ' --features 300 --repeat 1'
 OXFORD = ('oxford/leuven oxford/bikes oxford/boat', 'sets/leuven')
@@ -74,28 +81,30 @@ RUN = {
     'roslaunch ktgp_orb matcher.launch set:="{reference_mode: previous, guided: true, gms_grid: 0}"': MATCHER,
     'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"': MOTION,
     'roslaunch ktgp_orb targets.launch targets:=posters': Run(before=POSTERS, until='known targets: 1'),
-    'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw': Run(add=' rviz:=false delay:=1'),
-    'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
-        Run(add=' rviz:=false', until='rqt_plot is not installed'),
-    'roslaunch ktgp_orb views.launch namespace:=camera': Run(add=' rviz:=false', until=CONSUMER.until),
-    'roslaunch ktgp_orb views.launch namespace:=usb_cam':
-        Run(add=' rviz:=false', until='takes images on /usb_cam/image_raw'),
+    'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
+        Run(until='process has finished cleanly'),
+    'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw': Run(until='rqt_plot is not installed'),
+    'roslaunch ktgp_orb views.launch namespace:=camera': CONSUMER,
+    'roslaunch ktgp_orb views.launch namespace:=usb_cam': Run(until='takes images on /usb_cam/image_raw'),
+    'roslaunch ktgp_orb rviz.launch namespace:=camera': RVIZ,
+    'roslaunch ktgp_orb rviz.launch namespace:=usb_cam': RVIZ,
     'roslaunch ktgp_orb ground_motion.launch': MOTION,
     'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"': MATCHER,
     'roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml rviz:=true':
-        Run((' rviz:=true', ''), until='known targets: 3'),
+        Run(until='known targets: 3'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Run(before='{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && ',
             until='waits for /camera/matcher/match; no node publishes it'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --targets targets.yaml':
         Run(('matched', 'with_targets'), before=TARGETS),
-    'rosrun ktgp_orb ktgp_find photo.png posters --draw found.png': Run(('photo', 'second'), before=POSTERS),
+    'rosrun ktgp_orb ktgp_find photo.png posters --draw found.png': Run(before=POSTERS, add=' && test -s found.png'),
     'rosrun ktgp_orb ktgp_find photo.png targets.yaml --camera 500,500,320,240 --json found.json':
-        Run(('photo', 'second'), ('500,500,320,240', '300,300,160,120'), before=TARGETS),
+        Run(('500,500,320,240', '300,300,160,120'), before=TARGETS),
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png': AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60': Run(('10', '0.1')),
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv': Run(('matched', 'with_table')),
-    'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -': Run(('matched', 'matched_video')),
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv':
+        in_a_folder_of_its_own('my.bag', makes=['matched.bag', 'matched.csv']),
+    'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -': in_a_folder_of_its_own('my.mp4', makes=['matched.bag']),
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
         Run(('images/*.png', 'sets/leuven/*.ppm'), ('matched', 'matched_images')),
     "rosrun ktgp_orb ktgp_bag 'flight/*.jpg' matched.bag --rate 0.5 --longest_side 1000 --preset photo "
@@ -104,10 +113,11 @@ RUN = {
     "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt":
         AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
-        Run(('matched', 'with_views')),
+        in_a_folder_of_its_own('my.bag', makes=['matched.bag', 'steady.mp4', 'map.png']),
     'rosrun ktgp_orb make_demo_bag demo.bag': Run(add=' --seconds 0.3'),
     'rosrun ktgp_orb ktgp_bag demo.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv '
-    '--motion_base_frame= --motion_normal_source imu': Run(('matched', 'with_motion')),
+    '--motion_base_frame= --motion_normal_source imu':
+        in_a_folder_of_its_own('demo.bag', makes=['matched.bag', 'motion.csv']),
     'rosrun ktgp_orb make_demo_bag flight.bag --targets signs': Run(add=' --seconds 0.3'),
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': AS_WRITTEN,
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust': AS_WRITTEN,
@@ -137,23 +147,25 @@ NOT_RUN = {
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
         'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}',
         'build/bench/bin/targets_accuracy {recall 300 30 10 100 1000,following 1000 600 5000 0}'],
-    'dev/check_workspace runs it, or its like, in a workspace of its own, in CI': [
+    'dev/check_workspace runs it, with options, in a workspace of its own, in CI': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
     'dev/check runs it, where Doxygen is': ['cmake --build BUILD --target doc'],
     'this is such a clone': ['git clone <this repository> ktgp_orb && cd ktgp_orb'],
     'runs this test': ['scripts/test{, --full, -R robot_}'],
-    'another test does: demo, launch_run (with a stand-in for rviz), sliders, recordings, ktgp_evaluate_test': [
-        'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders {NODE,/camera/matcher}',
+    'another test does: demo, sliders, recordings, ktgp_evaluate_test': [
+        'scripts/demo', 'rosrun ktgp_orb sliders {NODE,/camera/matcher}',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
     'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
     'installs packages': [
-        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
+        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test',
+        'src/ktgp_orb/scripts/setup build'],
+    'startup_test runs it': ['rostopic echo /usb_cam/matcher/homography'],
     "waits for images, or for a master that has it; ROS's own": [
         'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag {reindex,filter}',
         'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
-        'rostopic echo /{usb_cam/matcher/homography,diagnostics,camera/targets/detections}'],
+        'rostopic echo /{diagnostics,camera/targets/detections}'],
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
         'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
         'scripts/evaluate --motion checkerboard.bag --drift 3 6 8',
@@ -191,7 +203,7 @@ def commands_of(text):
         found.append(re.sub(r'\s+#.*', '', line).strip())
     for span in re.findall(r'`([^`\n]+)`', text):
         word = span.split()[0]
-        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$', word) or \
+        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$|\S+/scripts/setup$', word) or \
                 span == 'catkin_make':
             found.append(span)
     helpers = ('scripts/environment', 'scripts/setup', 'dev/update_documents')
@@ -241,7 +253,7 @@ def write_inputs(folder):
     info = CameraInfo(width=320, height=240, distortion_model='plumb_bob', D=[0.0] * 5,
                       K=[300, 0, 160, 0, 300, 120, 0, 0, 1])
     write_bag(path('my.bag'), views(6), info=info, rate=10.0)
-    for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
+    for name, x in (('first.png', 100), ('second.png', 110), ('photo.png', 110), ('poster.png', 100)):
         cv2.imwrite(path(name), view(x, 100, 320, 240))
     video = cv2.VideoWriter(path('my.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30.0, (320, 240))
     for picture in views(4):
@@ -274,19 +286,22 @@ class CommandsTest(unittest.TestCase):
         copy_build(os.path.join(cls.clone, 'out', 'release'), cls.clone)
         write_inputs(cls.clone)
         cls.home = os.path.join(folder.name, 'home')
+        cls.fakes = os.path.join(folder.name, 'fakes')
+        fake_package(cls.fakes, 'rviz', 'rviz')
 
     def shell(self, command):
         """Starts a command in the clone, in a user's shell after source ...setup.bash."""
         environment = {name: value for name, value in os.environ.items()
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
-        environment.update(PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
+        environment.update(FAKES=self.fakes, FAKE_OUTPUT=os.path.join(self.fakes, 'arguments'), PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
                            ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1',
                            ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
                            ROS_MASTER_URI='http://localhost:%d' % free_port())
         return subprocess.Popen(
             ['timeout', '--signal=INT', '--kill-after=60', str(int(TIMEOUT)), 'bash', '-c',
-             'source out/release/devel/setup.bash && ' + command], cwd=self.clone,
+             'source out/release/devel/setup.bash && export CMAKE_PREFIX_PATH="$FAKES:$CMAKE_PREFIX_PATH" '
+             'ROS_PACKAGE_PATH="$FAKES/share:$ROS_PACKAGE_PATH" && ' + command], cwd=self.clone,
             env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
 
@@ -326,7 +341,7 @@ class CommandsTest(unittest.TestCase):
         first = [c for c in commands if 'make_demo_bag' in c[0] or 'raw.json' in c[0]]  # others need their results
         self.run_all(first)
         self.run_all([c for c in commands if c not in first])
-        for name in ('report/index.html', 'one_method/report.md', 'matches.png', 'matched.csv', 'map.png',
+        for name in ('report/index.html', 'one_method/report.md', 'matches.png', 'matched.csv',
                      'new/benchmarks.md'):
             self.assertTrue(os.path.exists(os.path.join(self.clone, name)), name)
         with open(os.path.join(self.clone, 'one_method', 'report.md')) as file:

@@ -60,6 +60,14 @@ def view_turned(degrees, focal, zoom=1.0, width=640, height=480):
     return cv2.warpPerspective(_TEXTURE, warp, (width, height))
 
 
+def view_of_hills(moved, relief, width=640, height=480):
+    """The view of a camera that has moved to the right. The hills move in it by the share `relief` more than the level
+    ground, the valleys by as much less."""
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    hill = np.sin((x + moved) / 50) * np.cos(y / 50)
+    return cv2.remap(_TEXTURE, x + 100 + moved * (1 + relief * hill), y + 100, cv2.INTER_LINEAR)
+
+
 def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     message = Image()
     message.header.stamp = stamp
@@ -100,6 +108,22 @@ def messages_of(bag, topic):
 def images_of(count):
     """As ktgp_bag begins its summary."""
     return '%d image%s of' % (count, '' if count == 1 else 's')
+
+
+def fake_package(folder, package, program, then='exec sleep 1000'):
+    """A package with a program that writes its arguments to the file $FAKE_OUTPUT and then waits."""
+    os.makedirs(os.path.join(folder, 'lib', package))
+    os.makedirs(os.path.join(folder, 'share', package))
+    open(os.path.join(folder, '.catkin'), 'w').close()
+    with open(os.path.join(folder, 'share', package, 'package.xml'), 'w') as file:
+        file.write('<package format="2"><name>%s</name><version>1.0.0</version><description>x'
+                   '</description><maintainer email="a@b.c">x</maintainer><license>BSD</license>'
+                   '</package>' % package)
+    path = os.path.join(folder, 'lib', package, program)
+    with open(path, 'w') as file:
+        file.write('#!/bin/sh\necho "$@" >"$FAKE_OUTPUT.new"\nmv "$FAKE_OUTPUT.new" "$FAKE_OUTPUT"\n'
+                   '%s\n' % then)
+    os.chmod(path, 0o755)
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
@@ -179,12 +203,12 @@ def wait_for_matcher(camera, *recorders):
 
 
 def translation(message):
-    """Of a message with a homography, px."""
+    """Returns the translation of a message's homography in x and y, px."""
     return message.homography[2], message.homography[5]
 
 
 def no_delay(publisher):
-    """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
+    """Returns whether the subscribers' connections have TCP_NODELAY, as each requested."""
     return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
             for connection in publisher.impl.connections}
 
@@ -208,7 +232,7 @@ class MatcherCase(unittest.TestCase):
         wait_for_matcher(cls.camera, *(getattr(cls, name) for name in cls.topics))
 
     def configure(self, **parameters):
-        """What it accepts."""
+        """Sets parameters, and returns the values that the matcher has accepted."""
         return self.client.update_configuration(parameters)
 
     def call(self, service):
@@ -221,7 +245,7 @@ class MatcherCase(unittest.TestCase):
 
 
 class Memory:
-    """Of the process of a node, MB: what it holds, and the most since begin()."""
+    """The memory of a node's process, MB: what it holds now, and the most since begin()."""
 
     def __init__(self, node):
         uri = rosgraph.Master('/memory').lookupNode(node)
@@ -382,7 +406,7 @@ class Diagnostics(Recorder):
         return [status for array in self.messages()[since:] for status in array.status if status.name.endswith(task)]
 
     def values(self, task):
-        """Of each of its reports, by their keys."""
+        """Returns a dictionary of the values of each report of a task."""
         return [{value.key: value.value for value in status.values} for status in self.of(task)]
 
     def wait_for_words(self, words, meanwhile=lambda: None):

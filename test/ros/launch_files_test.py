@@ -63,8 +63,8 @@ class LaunchFilesTest(unittest.TestCase):
         self.addCleanup(self.bag.close)
 
     def load(self, name, *arguments):
-        """What roslaunch reads, with a bag if the file needs one. Without its own file of the roscore, which starts
-        two programs each time for the versions of ROS: most of the time of these tests."""
+        """Returns the configuration that roslaunch reads, with a bag if the file needs one. It does not read the file
+        of the roscore: this starts two programs for the versions of ROS, most of the time of these tests."""
         if 'bag' in arguments_of(name):
             arguments += 'bag:=' + self.bag.name,
         config = ROSLaunchConfig()
@@ -94,7 +94,7 @@ class LaunchFilesTest(unittest.TestCase):
                 self.assertTrue(element.get('doc'), '%s: %s' % (name, argument))
 
     def parameters_of(self, name, *arguments):
-        """What a launch file sets of the matcher's parameters, by their names."""
+        """Returns the parameters of the matcher that a launch file sets, by their names."""
         return {key.rsplit('/', 1)[1]: param.value for key, param in self.load(name, *arguments).params.items()
                 if '/matcher/' in key}
 

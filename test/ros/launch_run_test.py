@@ -18,7 +18,8 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, FolderCase, Program, free_port, image_message, own_master, view, wait_until
+from ktgp_testing import (TIMEOUT, FolderCase, Program, fake_package, free_port, image_message, own_master, view,
+                          wait_until)
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -47,22 +48,6 @@ def write_bag(path):
             stale.header.frame_id = 'stale'
             bag.write(STALE, stale, stamp)
             bag.write('/tf', TFMessage([TransformStamped()]), stamp)
-
-
-def fake_package(folder, package, program, then='exec sleep 1000'):
-    """A package with a program that prints its arguments and then waits."""
-    os.makedirs(os.path.join(folder, 'lib', package))
-    os.makedirs(os.path.join(folder, 'share', package))
-    open(os.path.join(folder, '.catkin'), 'w').close()
-    with open(os.path.join(folder, 'share', package, 'package.xml'), 'w') as file:
-        file.write('<package format="2"><name>%s</name><version>1.0.0</version><description>x'
-                   '</description><maintainer email="a@b.c">x</maintainer><license>BSD</license>'
-                   '</package>' % package)
-    path = os.path.join(folder, 'lib', package, program)
-    with open(path, 'w') as file:
-        file.write('#!/bin/sh\necho "$@" >"$FAKE_OUTPUT.new"\nmv "$FAKE_OUTPUT.new" "$FAKE_OUTPUT"\n'
-                   '%s\n' % then)
-    os.chmod(path, 0o755)
 
 
 class Master:
@@ -259,7 +244,7 @@ class LaunchRunTest(FolderCase):
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
-        # Of the bag itself only the images were played.
+        # Only the images of the bag itself were played.
         self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
         lost = 'images have no results, because the matcher was busy'
         self.assertEqual(lost in output, len(stamps) < FRAMES, output)

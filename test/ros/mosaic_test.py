@@ -11,7 +11,8 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, corners_off, shift, texture, view, view_turned, wait_until, warm_up
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, corners_off, shift, texture, view, view_of_hills,
+                          view_turned, wait_until, warm_up)
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -19,7 +20,7 @@ START = (100, 100)
 
 
 def rms_error(message, x, y):
-    """Of the frame's corners in the map, whose first frame was at START; px."""
+    """Returns the RMS error of the frame's corners in the map, whose first frame was at START; px."""
     found = np.linalg.inv(np.reshape(message.homography, (3, 3)))
     return np.sqrt(np.mean(np.sum(corners_off(found, shift(x - START[0], y - START[1])) ** 2, axis=1)))
 
@@ -125,6 +126,14 @@ class MosaicTest(unittest.TestCase):
         scales = itertools.cycle(0.45 * 1.06 ** i for i in [*range(28, 0, -1), *range(28)])
         diagnostics.wait_for_words('it does not only turn: the homographies are',
                                    lambda: self.camera.show(view_turned(0.0, 600.0, next(scales))))
+
+    def test_a_scene_that_is_no_plane_is_said(self):
+        diagnostics = Diagnostics(self)
+        self.begin()
+        self.assertTrue(self.reset().success)
+        steps = itertools.cycle([*range(60), *range(60, 0, -1)])  # to and fro
+        diagnostics.wait_for_words('the scene is no plane: points are about ',
+                                   lambda: self.poses.wait_for(self.camera.show(view_of_hills(4.0 * next(steps), 0.1))))
 
     def test_text_in_place_of_numbers_is_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)

@@ -23,7 +23,7 @@ BARREL = (-0.3, 0.1, 0.001, -0.0005, 0.0)
 
 
 def rays_of(k, distortion, model, size):
-    """Of each pixel of a raw image, with z = 1."""
+    """Returns the ray of each pixel of a raw image, with z = 1."""
     x, y = np.meshgrid(np.arange(size[0], dtype=float), np.arange(size[1], dtype=float))
     points = np.stack([x.ravel(), y.ravel()], 1)[:, None]
     if model == 'equidistant':
@@ -68,7 +68,7 @@ def information(k=K, distortion=(0.0,) * 5, model='plumb_bob', size=(640, 480), 
 
 
 def pose_errors(message, rotation=ROTATION, position=POSITION):
-    """Of a PoseWithCovariance: m, degrees, and how many squared deviations."""
+    """Returns the error of a PoseWithCovariance in m, in degrees, and squared in units of its covariance."""
     p, q = message.pose.position, message.pose.orientation
     x, y, z, w = q.x, q.y, q.z, q.w
     found = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -64,7 +64,7 @@ class BagTest(FolderCase):
                   compression=compression)
 
     def match(self, bag, *arguments, topic=IMAGES, **expected):
-        """What it says. Its output is out.bag."""
+        """Runs ktgp_bag, which writes out.bag, and returns its messages."""
         run = self.run_program('rosrun', 'ktgp_orb', 'ktgp_bag', '--force', bag, 'out.bag', '--topic', topic,
                                *arguments, **expected)
         return run.stdout + run.stderr

@@ -19,7 +19,7 @@ class ConsumersTest(unittest.TestCase):
     def setUpClass(cls):
         cls.diagnostics = Diagnostics()
         cls.log = Log()
-        # What is said before it listens is lost, and the consumers begin to wait when they have subscribers.
+        # Messages before it listens are lost, and the consumers begin to wait when they have subscribers.
         wait_until(lambda: '/manager' in cls.log.names_of_publishers(), 'it hears the manager')
         cls.words = rospy.Publisher('/camera/words', String, queue_size=1)
         cls.homographies = rospy.Publisher('/large/matcher/homography', HomographyStamped,
@@ -93,7 +93,7 @@ class ConsumersTest(unittest.TestCase):
         def check(name):
             def settled():
                 images, dropped, forgotten = self.counts(name) - before[name]
-                # Those that were there before are gone as well.
+                # The images that waited before are gone as well.
                 return images == MANY and MANY - KEPT <= dropped + forgotten <= MANY
             wait_until(settled, 'all but %d of %d images are gone' % (KEPT, MANY))
             _, dropped, forgotten = self.counts(name) - before[name]

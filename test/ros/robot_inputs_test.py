@@ -58,7 +58,7 @@ class InputsTest(MatcherCase):
         self.position = 100 + (self.position - 100 + STEP) % 480
 
     def send_view(self, text=False):
-        """Of the next view, with text that does not move."""
+        """Sends the next view, with text that does not move on request, and returns its statistics."""
         self.move()
         pixels = view(self.position, 100, WIDTH, HEIGHT)
         if text:
@@ -75,7 +75,7 @@ class InputsTest(MatcherCase):
         raise AssertionError('the configuration is still number %d' % before)
 
     def shift_of_two_views(self):
-        """Of the second of two frames with burned-in text."""
+        """Sends two views with text that does not move, and returns the shift of the second one, px."""
         self.send_view(text=True)
         statistics = self.send_view(text=True)
         self.assertEqual(statistics.status, OK)

@@ -110,7 +110,7 @@ class ReferenceTest(MatcherCase):
     def test_the_accumulated_homography_goes_back_to_the_first_frame(self):
         keyframe, previous = self.drift('keyframe'), self.drift('previous')
         print('drift after 15 frames: keyframe %.3f px, previous %.3f px' % (keyframe, previous))
-        # Of steps of whole pixels every one is exact to 1e-4 px, so there is next to nothing to add up.
+        # Each step of whole pixels is exact to 1e-4 px, so there is next to nothing to add up.
         self.assertLess(keyframe, 0.01)
         self.assertLess(previous, 0.01)
 
@@ -235,7 +235,7 @@ class ReferenceTest(MatcherCase):
             self.assertEqual(answer.message, name + ' is 9000x8000 (72 megapixels); expected 64 at most')
 
     def test_diagnostics_go_on_while_a_pair_is_matched(self):
-        """Of a pair that takes seconds, one report a second."""
+        """While the matcher works for seconds on a pair, it reports once a second."""
         reports = Diagnostics(self)
         wait_until(reports.messages, 'the matcher reports')
         large = image_message(np.tile(view(0, 0, 1600, 1200), (5, 5)), rospy.Time(5))

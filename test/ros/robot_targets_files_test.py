@@ -44,7 +44,7 @@ def image(picture):
 
 class TargetsFilesTest(FolderCase):
     def said_at_start(self, name, file):
-        """What a node says that ends at once, since it cannot keep this list."""
+        """Returns the messages of a node that ends at once, since it cannot keep this list."""
         with targets_node(name, file=file) as program:
             return program.wait()
 
@@ -53,7 +53,7 @@ class TargetsFilesTest(FolderCase):
         self.assertTrue(answer.success, answer.message)
 
     def contents(self):
-        """Of all files."""
+        """Returns the contents of all files, by their names."""
         return {str(file.relative_to(self.folder)): file.read_bytes() for file in self.folder.rglob('*')
                 if file.is_file()}
 
@@ -123,7 +123,7 @@ class TargetsFilesTest(FolderCase):
                     for name in ('other', 'mine', 'broken'):
                         self.succeed('/kept', 'remove', name)
                         self.assertNotIn('id: ' + name, self.read(kept))
-                    # What was cured is not said any more.
+                    # The diagnostics no longer name a problem that is solved.
                     seen = len(diagnostics.messages())
                     wait_until(lambda: any('broken.png' not in s.message
                                            for s in diagnostics.of('kept: targets', seen)),

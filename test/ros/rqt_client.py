@@ -39,7 +39,7 @@ def widgets(kind, name=None):
 
 
 def editor(name):
-    """What rqt shows for a parameter."""
+    """Returns the widget in which rqt shows a parameter."""
     def find():
         return [w for w in QApplication.allWidgets()
                 if getattr(w, 'param_name', None) == name and hasattr(w, '_updater') and

@@ -1,14 +1,18 @@
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
+import os
+import re
 import time
 
 import cv2
 import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import FolderCase, Log, Program, Recorder, view, wait_until
+from ktgp_testing import Camera, FolderCase, Log, Program, Recorder, view, wait_until
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 def output_of_node(*parameters, until, look=lambda: None, after=()):
@@ -86,6 +90,30 @@ class StartupTest(FolderCase):
                                     after=(words,))
             self.assertIn('matches images on /other/picture', output)
         camera.unregister()
+
+    def test_rostopic_prints_the_homography_as_readme_does(self):
+        with open(os.path.join(ROOT, 'README.md'), encoding='utf-8') as file:
+            text = file.read()
+        launch, = re.findall(r'^    roslaunch ktgp_orb (matcher.launch namespace:=usb_cam .*)$', text, re.M)
+        echo, = re.findall(r'^    (rostopic echo /usb_cam/\S+)$', text, re.M)
+        block, = re.findall(r'^```\n(status: .*?)^```', text, re.M | re.S)
+        expected = [re.sub(r'(\[)?-?[\d.].*', r'\1', line) for line in block.splitlines()]  # without the numbers
+        camera = Camera('/usb_cam/image_raw')
+
+        def echo_two_images():
+            with Program(*echo.split()) as printed:
+                def said():
+                    camera.send_view()
+                    time.sleep(0.1)
+                    return 'status: 0\n' in printed.output()
+                wait_until(said, 'rostopic echo prints a homography')
+                wait_until(lambda: '---' in printed.output().split('status: 0\n')[1], 'it is printed to its end')
+            message = 'status: 0\n' + printed.output().split('status: 0\n')[1].split('---')[0]
+            begins = [line for line in message.splitlines() if line.startswith(tuple(expected))]
+            self.assertEqual(len(begins), len(expected), message)
+            for line, begin in zip(begins, expected):
+                self.assertTrue(line.startswith(begin), message)
+        output_of_launch(*launch.split(), until=('started with pid',), namespaces=['/usb_cam'], look=echo_two_images)
 
     def test_a_missing_transport_names_its_package(self):
         output_of_node('transport:=no_such_transport',

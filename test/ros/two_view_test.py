@@ -80,6 +80,15 @@ class TwoViewTest(MatcherCase):
         level = np.frombuffer(matches.level, np.uint8)
         self.assertEqual((level == Correspondences.LEVEL_KTGP).sum(), found.inliers)
 
+        # The diagnostics count the motions, not the homographies.
+        seen = len(self.diagnostics.messages())
+
+        def every_frame_has_a_motion():
+            self.match()
+            return any(value.key == 'share with geometry' and float(value.value) > 0.9
+                       for status in self.diagnostics.of('', seen) for value in status.values)
+        wait_until(every_frame_has_a_motion, 'the diagnostics say that nearly every frame has a geometry')
+
         cloud = self.points.wait_for(stamp)
         points = np.array(list(point_cloud2.read_points(cloud, ('x', 'y', 'z', 'deviation'))))
         self.assertEqual(cloud.header.frame_id, 'camera')
@@ -123,29 +132,39 @@ class TwoViewTest(MatcherCase):
         self.assertEqual([float(rows[1]['q' + name]) for name in 'xyzw'], [q.x, q.y, q.z, q.w])
         self.assertAlmostEqual(float(rows[1]['parallax']), found.parallax, 6)
 
-    def test_6_a_folder_of_images_has_the_camera_that_is_given(self):
+    def test_6_a_folder_of_images_and_a_video_have_the_camera_that_is_given(self):
         with tempfile.TemporaryDirectory() as folder:
-            out, table = os.path.join(folder, 'out.bag'), os.path.join(folder, 'out.csv')
             for name, image in (('1.png', FIRST), ('2.png', SECOND)):
                 cv2.imwrite(os.path.join(folder, name), image)
-            command = ['rosrun', 'ktgp_orb', 'ktgp_bag', os.path.join(folder, '*.png'), out, '--csv', table]
-            camera = '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
-            subprocess.run(command + ['--preset', 'slam', '--camera', camera], check=True)
-            with open(table) as file:
-                rows = list(csv.DictReader(file))
-            for words, reason in ((['--camera', camera], '--camera has no effect'),
-                                  (['--preset', 'slam', '--camera', '1,1,0,0'], 'fx of the camera matrix is 1; expected')):
-                run = subprocess.run(command + words + ['--force'], stderr=subprocess.PIPE, text=True)
-                self.assertEqual(run.returncode, 2)
-                self.assertIn(reason, run.stderr)
-        self.assertGreater(np.array([float(rows[1]['t' + name]) for name in 'xyz']) @ DIRECTION, 0.9995)
+            self.check_a_camera_that_is_given(folder, '*.png', 0.9995)
+            video = cv2.VideoWriter(os.path.join(folder, 'in.avi'), cv2.VideoWriter_fourcc(*'MJPG'), 10.0, (640, 480))
+            for image in (FIRST, SECOND):
+                video.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+            video.release()
+            self.check_a_camera_that_is_given(folder, 'in.avi', 0.999)
+
+    def check_a_camera_that_is_given(self, folder, recording, least_cosine):
+        out, table = os.path.join(folder, 'out.bag'), os.path.join(folder, 'out.csv')
+        command = ['rosrun', 'ktgp_orb', 'ktgp_bag', os.path.join(folder, recording), out, '--csv', table, '--force']
+        camera = '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+        subprocess.run(command + ['--preset', 'slam', '--camera', camera], check=True)
+        with open(table) as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual([row['geometry'] for row in rows], ['none', 'epipolar'])
+        self.assertGreater(np.array([float(rows[1]['t' + name]) for name in 'xyz']) @ DIRECTION, least_cosine)
+        for words, reason in ((['--camera', camera], '--camera has no effect'),
+                              (['--preset', 'slam', '--camera', '1,1,0,0'], 'fx of the camera matrix is 1; expected')):
+            run = subprocess.run(command + words, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(run.returncode, 2)
+            self.assertIn(reason, run.stderr)
 
     def test_7_a_recording_of_a_plane_has_both_motions(self):
         with tempfile.TemporaryDirectory() as folder:
             bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
             write_bag(bag, (FIRST, tilted_plane(FIRST, K, 0.5)), info=information(), rate=1.0)
-            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
-                            '--calibration', 'rectified'], check=True)
+            run = subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
+                                  '--calibration', 'rectified'], check=True, stderr=subprocess.PIPE, text=True)
+            self.assertRegex(run.stderr, r'\n1 motion \(1 plane\), .*, 1 in doubt: two_motions_of_a_plane, ')
             with rosbag.Bag(out) as file:
                 found = [message for topic, message, _ in file.read_messages() if topic.endswith('two_view')][-1]
             with open(table) as file:

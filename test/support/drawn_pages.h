@@ -198,7 +198,7 @@ inline OrbOptions pageFeatures() {
   return orb;
 }
 
-/// Of pairs of scanned pages of each kind: how many are found, and how many of these are wrong.
+/// Pairs of scanned pages of one kind: how many are found, and how many of these are wrong.
 struct PageCounts {
   int pairs = 0, found = 0, wrong = 0;
 };

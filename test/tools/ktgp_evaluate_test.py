@@ -291,7 +291,7 @@ class KtgpEvaluate(ToolCase):
         self.evaluate("--two-view", "bad", code=1, words="has a row that is not two row numbers")
 
     def test_tiny_warps_are_those_of_a_slow_camera(self):
-        """Of them KTGP+ALIGN measures hundredths of a pixel, where keypoints alone are tenths off."""
+        """KTGP+ALIGN measures their hundredths of a pixel, where keypoints alone are tenths off."""
         _, rows = self.warps("tiny", "data/first/img1.pgm", "--methods", "KTGP,KTGP+ALIGN")
         errors = {method: [float(r["corner_error"]) for r in rows if r["method"] == method]
                   for method in ("KTGP", "KTGP+ALIGN")}

@@ -4,7 +4,7 @@ import shutil
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, WIDTH, ToolCase, picture, window, write_pgm
+from tool_case import HEIGHT, WIDTH, ToolCase, corners_off, mapped, picture, shift, window, write_pgm
 
 
 class KtgpFind(ToolCase):
@@ -169,8 +169,28 @@ class KtgpFind(ToolCase):
     def test_nothing_found_is_exit_code_1_and_said_with_what_to_try(self):
         write_pgm(self.folder / "other.pgm", picture(9))
         self.find("other.pgm", "posters", code=1,
-                  prints="none found. For small or distant targets try: --features 8000 --target-features 2000")
+                  prints=("none found. For small or distant targets try: --features 8000 --target-features 2000",
+                          "tilted by 60 degrees or more: ktgp_match with the target's image and this one\n"))
         self.assertNotIn("try:", self.find("other.pgm", "posters", "--features", "8000", code=1).stdout)
+
+    def test_a_page_that_is_tilted_by_65_degrees_is_found_by_both_programs(self):
+        f, width, height = 768.0, 640, 480
+        K = np.array([[f, 0, width / 2], [0, f, height / 2], [0, 0, 1]])
+        turn = cv2.Rodrigues(np.array([0, np.radians(65), 0]))[0]
+        distance = f * WIDTH / (0.5 * width)  # from the front the page is half as wide as the image
+        H = K @ np.column_stack([turn[:, 0], turn[:, 1], (0, 0, distance)]) @ shift(-WIDTH / 2, -HEIGHT / 2)
+        # Drawn three times as large and averaged, as a camera sees it.
+        large = cv2.warpPerspective(window(picture(2), 20, 20), np.diag([3.0, 3.0, 1.0]) @ H, (3 * width, 3 * height),
+                                    borderValue=128)
+        cv2.imwrite(self.path("page.png"), cv2.resize(large, (width, height), interpolation=cv2.INTER_AREA))
+        self.find("page.png", "posters", "--json", "out.json")
+        found, = self.detections()
+        self.assertEqual((found["id"], found["status"]), ("poster1", "ok"))
+        corners = mapped(H, [(0, 0), (WIDTH - 1, 0), (WIDTH - 1, HEIGHT - 1), (0, HEIGHT - 1)])
+        np.testing.assert_allclose(found["corners"], corners, atol=1.5)
+        self.run_tool("ktgp_match", "posters/poster1.pgm", "page.png", "--json", "out.json", "--force")
+        off = corners_off(self.json()["homography"], H, (WIDTH, HEIGHT))
+        self.assertLess(abs(off).max(), 1.5)
 
     def test_only_doubtful_targets_are_nothing_found(self):
         """Two pictures with the same logo: where they have the same support, neither is there."""

@@ -107,7 +107,8 @@ class KilledRuns(OutputCase):
     @unittest.skipUnless(WITH_ROS, "built without ROS")
     def test_of_a_recording_while_its_files_get_their_names(self):
         command = self.make_bag()
-        outputs = ["--csv", "o.csv", "--mosaic", "o.png", "--mosaic_poses", "p.csv", "--stabilize", "o.mp4"]
+        outputs = ["--csv", "o.csv", "--draw", "d.mp4", "--mosaic", "o.png", "--mosaic_poses", "p.csv",
+                   "--stabilize", "o.mp4"]
         self.check_killed_at_each_name(*command, *outputs, "--skip_finished", primary="out.bag",
                                        outputs=["out.bag"] + outputs[1::2])
 
@@ -175,6 +176,17 @@ class KilledRuns(OutputCase):
             resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512))  # its signal ends a program
         self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "m.csv", preexec_fn=limited,
                      words="m.csv: cannot be written: File too large")
+
+    @unittest.skipUnless(WITH_ROS, "built without ROS")
+    def test_a_limit_of_the_shell_is_said_of_each_file_of_a_recording(self):
+        def limited_to(limit):
+            return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))  # its signal ends a program
+        command = self.make_bag()
+        bag, picture = "out.bag: cannot be written: File too large", "o.png: cannot be written: File too large"
+        for outputs, limit, words in ((("--csv", "o.csv"), 512, bag), (("--draw", "d.mp4"), 512, bag),
+                                      (("--stabilize", "o.mp4"), 512, bag), (("--mosaic", "o.png"), 512, bag),
+                                      (("--mosaic", "o.png"), 300000, picture)):  # out.bag has 90 kB, o.png 877
+            self.refused(*command, *outputs, preexec_fn=limited_to(limit), words=words)
 
 
 class MatchOutput(OutputCase):

@@ -30,7 +30,7 @@ def picture(seed=1):
 
 
 def window(grey, dx=0, dy=0):
-    """Of WIDTH x HEIGHT, with its top-left corner at (dx, dy)."""
+    """Returns a part of WIDTH x HEIGHT, with its top-left corner at (dx, dy)."""
     return grey[dy:dy + HEIGHT, dx:dx + WIDTH]
 
 
@@ -58,7 +58,8 @@ def corners_off(homography, truth, size=(640, 480)):
 
 
 def two_depths(first, K, distance, direction, rotation=np.eye(3)):
-    """What is seen after a motion, as two-view geometry has it, of a picture whose left half is NEAR, its right FAR."""
+    """Returns the view after a motion, in the terms of two-view geometry; the left half of the first view shows a wall
+    at the distance NEAR, the right half one at FAR."""
     height, width = first.shape
     second = np.full_like(first, 128)
     for depth, columns in ((FAR, slice(width // 2, width)), (NEAR, slice(0, width // 2))):
@@ -75,7 +76,7 @@ OVER_A_PLANE = np.array([-0.2, 0.0, 0.15])
 
 
 def tilted_plane(first, K, tilt):
-    """What is seen of a picture on a plane, turned by `tilt` about y, after the motion OVER_A_PLANE."""
+    """Returns the view of a picture on a plane, turned by `tilt` about y, after the motion OVER_A_PLANE."""
     normal = cv2.Rodrigues(np.array([0.0, tilt, 0.0]))[0][:, 2]
     H = K @ (np.eye(3) + np.outer(OVER_A_PLANE, normal)) @ np.linalg.inv(K)
     return cv2.warpPerspective(first, H, first.shape[::-1], flags=cv2.INTER_CUBIC)
@@ -161,7 +162,8 @@ class ToolCase(FolderCase):
         return self.run_program(TOOLS / tool, *arguments, **options)
 
     def check_each_parameter(self, tool, *arguments):
-        """Of pairs: --params refuses what is of images of a stream, and --json shows that it used what decides."""
+        """For pairs, --params refuses the parameters that only a stream of images has; --json shows that the program
+        used all others that can change the result."""
         stream = {"reference_mode", "reference_image", "max_reference_age", "max_rate", "lazy", "overlay_style",
                   "max_latency", "max_pair_megapixels"}
         refused = {"mask_image", "roi", "calibration", "rectify", "stretch"}

@@ -331,7 +331,7 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
     }
     ASSERT_GT(runs, kRuns / 2);
     EXPECT_GE(inside, runs * 97 / 100) << sum / runs;
-    // That of a turn has what a parallax could change, and here there is none.
+    // A turn's covariance includes the effect of a parallax, and here there is none.
     if (shape != Shape::turn) {
       EXPECT_GT(sum / runs, 0.7 * freedom);
     }
