@@ -163,7 +163,7 @@ NOT_RUN = {
         'src/ktgp_orb/scripts/setup build'],
     'startup_test runs it': ['rostopic echo /usb_cam/matcher/homography'],
     "waits for images, or for a master that has it; ROS's own": [
-        'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag {reindex,filter}',
+        'rosparam {delete /use_sim_time,set use_sim_time false,dump tuned.yaml /camera/matcher}', 'rosbag {reindex,filter}',
         'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
         'rostopic echo /{diagnostics,camera/targets/detections}'],
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
