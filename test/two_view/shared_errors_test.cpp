@@ -190,7 +190,8 @@ TEST(SharedShifts, OfAFastShutterAreLimited) {
   errors.readout = 0.33;
   const World world(Shape::depth, numbers);
   const std::optional<Cameras> cameras(Cameras(camera(), camera()));
-  for (const Eigen::Vector3d& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitZ()}) {
+  const Eigen::Vector3d axes[] = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitZ()};
+  for (const Eigen::Vector3d& axis : axes) {
     const SharedShifts shifts = SharedShifts(errors, world.pairs, world.input(), cameras)
                                     .with(Eigen::AngleAxisd(1.0, axis).toRotationMatrix());
     double most = 0.0;
