@@ -52,22 +52,25 @@ std::vector<cv::Point> shiftsOf(const cv::Rect& part, const cv::Mat& picture, co
 double alikeness(const cv::Mat& picture, const cv::Point& shift) {
   const cv::Rect all({0, 0}, picture.size());
   const cv::Rect moved = all & (all + shift);
+  if (moved.empty()) return 0.0;
   const cv::Mat one = picture(moved), other = picture(moved - shift);
-  if (moved.empty() || isPlain(one) || isPlain(other)) return 0.0;
-  cv::Mat correlation;
-  cv::matchTemplate(one, other, correlation, cv::TM_CCOEFF_NORMED);
-  return correlation.at<float>(0, 0);
+  cv::Scalar mean, deviation, other_mean, other_deviation;
+  cv::meanStdDev(one, mean, deviation);
+  cv::meanStdDev(other, other_mean, other_deviation);
+  if (std::min(deviation[0], other_deviation[0]) < kLeastContrast) return 0.0;
+  const double product = one.dot(other) / static_cast<double>(one.total());
+  return (product - mean[0] * other_mean[0]) / (deviation[0] * other_deviation[0]);
 }
 
 /// Standard deviation of the blur that leaves only slow changes of brightness, px.
-double slow(const cv::Mat& picture) {
+double shadeBlur(const cv::Mat& picture) {
   return 0.08 * std::max(picture.cols, picture.rows);
 }
 
 /// Removes slow changes of brightness from the picture, because they look alike everywhere.
 cv::Mat withoutShades(const cv::Mat& picture) {
   cv::Mat shades, rest;
-  cv::GaussianBlur(picture, shades, {}, slow(picture));
+  cv::GaussianBlur(picture, shades, {}, shadeBlur(picture));
   cv::addWeighted(picture, 0.5, shades, -0.5, 128.0, rest);
   return rest;
 }
@@ -76,8 +79,8 @@ cv::Mat withoutShades(const cv::Mat& picture) {
 cv::Mat withoutShades(const cv::Mat& picture, const cv::Mat& weight) {
   cv::Mat rest, shades, share;
   picture.convertTo(rest, CV_32F);
-  cv::GaussianBlur(rest.mul(weight), shades, {}, slow(picture));
-  cv::GaussianBlur(weight, share, {}, slow(picture));
+  cv::GaussianBlur(rest.mul(weight), shades, {}, shadeBlur(picture));
+  cv::GaussianBlur(weight, share, {}, shadeBlur(picture));
   cv::divide(shades, cv::max(share, 1e-3), shades);
   return (rest - shades).mul(weight);
 }
@@ -162,7 +165,8 @@ double alikenessToItself(const cv::Mat& picture) {
   // The shades near the border of the whole picture differ from those of its moved copy.
   const cv::Rect all({0, 0}, picture.size());
   const cv::Rect moved = all & (all + best);
-  return alikeness(picture(moved), picture(moved - best), cv::Mat(moved.size(), CV_8UC1, 255));
+  return std::max(
+      0.0, alikeness(picture(moved), picture(moved - best), cv::Mat(moved.size(), CV_8UC1, 255)));
 }
 
 double shortestPeriod(const cv::Mat& picture) {

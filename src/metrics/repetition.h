@@ -24,7 +24,8 @@ bool repeatsAfter(const cv::Mat& picture, const cv::Point2d& shift);
 cv::Mat shrunk(const cv::Mat& picture);
 
 /// Normalised correlation, -1..1, of two shrunk CV_8UC1 pictures of one size where `mask` (CV_8UC1)
-/// is not 0. Slow changes of brightness do not count. Returns 0 if less than 2 % can be compared.
+/// is not 0. Slow changes of brightness do not count. Returns 0 if less than 2 % can be compared,
+/// or if there is no contrast.
 double alikeness(const cv::Mat& one, const cv::Mat& other, const cv::Mat& mask);
 
 /// Highest normalised correlation, 0..1, of a shrunk CV_8UC1 picture and its own copy, moved by 2 %

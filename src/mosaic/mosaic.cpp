@@ -104,6 +104,7 @@ struct Mosaic::Impl {
   double closed_off = 0.0;                  // largest distance found by noteClosing(), px
   cv::Size size;
   cv::Mat grey;
+  std::optional<double> own_difference;  // of `grey` from its own copy a period away
   cv::Mat colour;
   cv::Mat exposed;  // `colour`, adjusted to the brightness of the map
   cv::Mat seen;     // newest frame (BGR) if it is not drawn yet; image() draws it
@@ -208,7 +209,7 @@ struct Mosaic::Impl {
     const std::int64_t passed = stamp - followed;
     const bool is_late = interval > 0 && passed > kPredictable && passed > kLate * interval;
     if (is_late) after_gap = stamp;
-    if (!is_late) interval = followed == 0 ? 0 : passed;
+    if (!is_late) interval = followed == 0 ? 0 : std::max<std::int64_t>(passed, 0);
     followed = stamp;
   }
 
@@ -222,14 +223,15 @@ struct Mosaic::Impl {
   }
 
   /// Returns true if the pose may be wrong by a period of repetitive ground. It is right if the
-  /// last velocity predicts it, or if the frame looks like the map (see difference()). Otherwise a
-  /// chain of homographies must lead to the frame. A chain over a gap, or over a frame that was
+  /// last velocity predicts it, or if the frame looks like the map (see difference()). If the frame
+  /// does not repeat itself, a chain of homographies is enough, too. Otherwise a chain must lead to
+  /// the frame. A chain over a gap, or over a frame that was
   /// lost as repetitive, does not count, because such a homography may be a period off, too. The
   /// last velocity, if it is not too old, must predict the pose to within half a period or the
   /// predicted motion, whichever is longer. If it predicts a motion of at least half a period, or
   /// is too old, the chain must predict the pose to within half a period.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
-                          const std::optional<Eigen::Matrix3d>& by_chain) const {
+                          const std::optional<Eigen::Matrix3d>& by_chain) {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
       return surface().inFrame(from_map, place);
     };
@@ -252,8 +254,8 @@ struct Mosaic::Impl {
   }
 
   /// Returns how much the frame at this place differs from the map, as a multiple of its difference
-  /// from its own copy a period away: 0 if it looks like the map, about 1 if it is a period off.
-  double difference(const Eigen::Matrix3d& from_map) const {
+  /// from its own copy a period away: 0 if it looks like the map, 1 or more if it is a period off.
+  double difference(const Eigen::Matrix3d& from_map) {
     const cv::Mat copy = metrics::shrunk(grey);
     Eigen::Matrix3d from_copy = Eigen::Matrix3d::Identity();
     for (const auto& [axis, scale] : {std::pair(0, static_cast<double>(grey.cols) / copy.cols),
@@ -263,10 +265,10 @@ struct Mosaic::Impl {
     }
     const TileMap::View map =
         tiles.view(copy.size(), surface().scaled(from_map.inverse()) * from_copy);
-    cv::Mat drawn;
-    cv::cvtColor(map.colour, drawn, cv::COLOR_BGR2GRAY);
-    const double own = std::max(1e-6, 1.0 - metrics::alikenessToItself(copy));
-    return (1.0 - metrics::alikeness(copy, drawn, map.mask)) / own;
+    cv::Mat shown;
+    cv::cvtColor(map.colour, shown, cv::COLOR_BGR2GRAY);
+    if (!own_difference) own_difference = std::max(1e-6, 1.0 - metrics::alikenessToItself(copy));
+    return (1.0 - metrics::alikeness(copy, shown, map.mask)) / *own_difference;
   }
 
   /// Chooses between the places that the map and the chain of homographies give. If the ground
@@ -274,7 +276,7 @@ struct Mosaic::Impl {
   /// the place that the last velocity predicts, or none. If the ground looks different, takes the
   /// place that the map gives.
   std::optional<Eigen::Matrix3d> chosenPlace(std::int64_t stamp, const Eigen::Matrix3d& by_map,
-                                             const Eigen::Matrix3d& by_chain) const {
+                                             const Eigen::Matrix3d& by_chain) {
     constexpr double kExact = 3.0;  // px: accuracy of a match at the rim of a keyframe
     constexpr double kDrift = 0.2;  // px of drift per frame since the last match to a keyframe
     const auto shift = [&](const Eigen::Matrix3d& from_map, const Eigen::Vector2d& place) {
@@ -287,7 +289,7 @@ struct Mosaic::Impl {
     // after a shift by a few px, so this does not count as repetition.
     if (!surface().isPlane() && metrics::shortestPeriod(grey) == 0.0) return by_map;
     for (const Eigen::Matrix3d& place : {by_map, by_chain}) {
-      if (difference(place) < kSame) return place;
+      if (surface().canShow(size, place) && difference(place) < kSame) return place;
     }
     if (!isPredictable(stamp)) return std::nullopt;
     const Eigen::Vector2d predicted = predictedMiddle(stamp);
@@ -307,6 +309,7 @@ struct Mosaic::Impl {
     }
     last = pose;
     last_stamp = stamp;
+    after_gap = std::min(after_gap, stamp);  // stamps go back if a recording begins again
     last_features.reset();
     lost_frames = 0;
     reason = LostBecause::nothing;
@@ -520,6 +523,7 @@ void Mosaic::follow(std::int64_t stamp, std::int64_t reference_stamp,
 
 Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
   Impl& self = *impl_;
+  self.own_difference.reset();
   if (image.type() == CV_8UC1) {
     self.grey = image;
     cv::cvtColor(image, self.colour, cv::COLOR_GRAY2BGR);

@@ -111,7 +111,11 @@ double TileMap::gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const 
 }
 
 TileMap::View TileMap::view(const cv::Size& size, const Eigen::Matrix3d& to_map) const {
-  constexpr int kSamples = 4;  // of a pixel, since it may cover several pixels of the map
+  // A pixel may cover several pixels of the map, so it is the mean of four positions in it.
+  constexpr double kOff = 0.25;
+  const Eigen::Vector3d offsets[] = {
+      {-kOff, -kOff, 0.0}, {kOff, -kOff, 0.0}, {-kOff, kOff, 0.0}, {kOff, kOff, 0.0}};
+  constexpr int kSamples = 4;
   View view{cv::Mat::zeros(size, CV_8UC3), cv::Mat::zeros(size, CV_8UC1)};
   const Eigen::Vector2d middle = middleOf(area_);
   for (int y = 0; y < size.height; ++y) {
@@ -119,8 +123,8 @@ TileMap::View TileMap::view(const cv::Size& size, const Eigen::Matrix3d& to_map)
       cv::Vec3i sum(0, 0, 0);
       int samples = 0;
       for (; samples < kSamples; ++samples) {
-        const double dx = 0.5 * (samples % 2) - 0.25, dy = 0.5 * (samples / 2) - 0.25;
-        const Eigen::Vector2d place = surface_.toMap(to_map * Eigen::Vector3d(x + dx, y + dy, 1.0));
+        const Eigen::Vector3d pixel = Eigen::Vector3d(x, y, 1.0) + offsets[samples];
+        const Eigen::Vector2d place = surface_.toMap(to_map * pixel);
         const cv::Vec3b* drawn = at(surface_.near(place, middle) + Eigen::Vector2d::Constant(0.5));
         if (drawn == nullptr) break;
         sum += cv::Vec3i(*drawn);

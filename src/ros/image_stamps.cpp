@@ -22,7 +22,7 @@ ImageStamps::Wrong ImageStamps::wrongWith(const ros::Time& stamp, const ros::Tim
     wrong_ = stamp;
     return Wrong::zero;
   }
-  if (arrival < std::exchange(last_arrival_, arrival) && stamp < last_) {
+  if (!arrival.isZero() && arrival < std::exchange(last_arrival_, arrival) && stamp < last_) {
     order_ = {};
     leads_.clear();
   }

@@ -270,7 +270,8 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   const std::string why = mosaic_.whyLost();
   unfit_ += why.empty() ? 0 : 1;
   if (!why.empty()) why_unfit_ = why;
-  if (!mosaic_.panorama()) unfit_before_turn_ = unfit_;
+  // With several maps, the last reason is given, because the frames were lost in different ones.
+  if (!mosaic_.panorama() && maps_ == 0) unfit_before_turn_ = unfit_;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
                 .add(textOf(image->header.stamp))

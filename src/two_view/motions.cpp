@@ -120,7 +120,7 @@ Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,
 std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
                                        const Eigen::Matrix<double, 8, 8>& covariance,
                                        const Cameras& cameras, const Eigen::Matrix3d& start) {
-  constexpr int kRounds = 3;  // the start is a degree away at most
+  constexpr int kRounds = 3;  // enough, since the start is usually less than a degree away
   const std::optional<util::SmallMatrix> whitening = util::whiteningOf(covariance);
   if (!whitening) return std::nullopt;
   NearestTurn nearest{start, Eigen::Matrix3d::Zero()};

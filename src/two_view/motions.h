@@ -53,7 +53,7 @@ Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,
 struct NearestTurn {
   Eigen::Matrix3d rotation;
   Eigen::Matrix3d covariance;  ///< of small rotations about the target camera's axes, rad²
-  double distance2 = 0.0;      ///< squared Mahalanobis distance of the two homographies
+  double distance2 = 0.0;      ///< squared Mahalanobis distance of the homographies, to first order
 };
 
 /// `covariance`: covariance of the first eight entries of `homography`; `start`: a rotation near

@@ -419,7 +419,7 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
                       static_cast<double>(agree) >= kLeastShare * static_cast<double>(precise);
   const double off = agrees ? secondLayer(pairs, *input.deviations, result)
                             : repeatedBy(pairs, *input.deviations, result);
-  if (off == 0.0) return;
+  if (agrees && off == 0.0) return;
   result.doubt = Doubt::repetitive;
   const double turn_off = std::min(off / cameras->target(0, 0), kOpenTurn);
   const double parallax = result.parallax * kPi / 180.0;
@@ -431,9 +431,9 @@ void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoV
 }
 
 /// Returns the length of the shift, px, by which the precise pairs off the dominant plane differ
-/// from it, if all have the same shift and lie among the pairs on the plane; else 0. A surface at
-/// another depth shifts its pairs alike, too, but it hides the plane behind it. So the pairs may be
-/// on the plane, a period off, although both layers together agree with a motion.
+/// from it, if most have nearly the same shift and they lie among the pairs on the plane; else 0. A
+/// surface at another depth shifts its pairs alike, too, but it hides the plane behind it. So the
+/// pairs may be on the plane, a period off, although both layers together agree with a motion.
 double TwoViewEstimator::Impl::secondLayer(const PointPairs& pairs,
                                            const std::vector<double>& deviations,
                                            const TwoView& result) {
@@ -635,7 +635,7 @@ Covariance6 TwoViewEstimator::Impl::covarianceOf(const RelativePose& pose, const
   constexpr double kMostTurn = 0.1;
   constexpr double kMostAcross = 0.7;
   if (const two_view::PlanarMotion* motion = planar(pose)) return covarianceOf(*motion, pairs);
-  const Covariance6 none = Covariance6::Constant(kNaN);
+  Covariance6 none = Covariance6::Constant(kNaN);
   Epipolar geometry = normalised.fromMotion(pose);
   if (!fit.minimise(geometry)) return none;
   const double cell = cellOf(pairs, input);

@@ -59,8 +59,8 @@ void count(const World& world, const TwoView& found, Count& count) {
   const bool doubted = found.doubt != Doubt::none;
   ++count.answered;
   count.doubted += doubted;
-  count.right += !judgement.wrong;
-  count.right_doubted += !judgement.wrong && doubted;
+  count.right += judgement.right;
+  count.right_doubted += judgement.right && doubted;
   count.wrong += judgement.wrong;
   count.certain += judgement.certain;
 }

@@ -479,8 +479,9 @@ TEST(Mosaic, MatchedFramesOverRepeatingGroundAreRightOrLost) {
   };
   PlacedAndOff all;
   int lost_as_repetitive = 0;
-  for (const auto& [ground, period, jump] : cases) {
-    Flight flight({}, ground, 50'000'000);
+  for (const Case& each : cases) {
+    const int period = each.period;
+    Flight flight({}, each.ground, 50'000'000);
     const double step = std::min(0.2 * period, 15.0);
     double x = 100.0;
     const auto go = [&](double way) {
@@ -489,12 +490,12 @@ TEST(Mosaic, MatchedFramesOverRepeatingGroundAreRightOrLost) {
       lost_as_repetitive += is_repetitive ? 1 : 0;
     };
     for (int i = 0; i < 8; ++i) go(step);
-    go(jump * period);
+    go(each.jump * period);
     for (int i = 0; i < 4; ++i) go(step);
     flight.wait(9);
     go(1.6 * period);
     for (int i = 0; i < 3; ++i) go(step);
-    EXPECT_EQ(all.off, 0) << period << " " << jump;
+    EXPECT_EQ(all.off, 0) << period << " " << each.jump;
   }
   EXPECT_GT(all.placed, all.lost);
   // Between spots that hide the period, a frame may match nothing.

@@ -10,7 +10,8 @@ import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import TransformStamped
-from ktgp_testing import FolderCase, image_message, messages_of, texture, view, view_of_hills, view_turned, views, write_bag
+from ktgp_testing import (FolderCase, image_message, messages_of, texture, view, view_of_hills, view_turned, views,
+                          write_bag)
 from poster import information
 from sensor_msgs.msg import CompressedImage, Image, Range
 from tf2_msgs.msg import TFMessage

@@ -159,12 +159,12 @@ NOT_RUN = {
         ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
     'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
     'installs packages': [
-        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test',
-        'src/ktgp_orb/scripts/setup build'],
+        'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}',
+        'scripts/setup test', 'src/ktgp_orb/scripts/setup build'],
     'startup_test runs it': ['rostopic echo /usb_cam/matcher/homography'],
     "waits for images, or for a master that has it; ROS's own": [
-        'rosparam {delete /use_sim_time,set use_sim_time false,dump tuned.yaml /camera/matcher}', 'rosbag {reindex,filter}',
-        'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
+        'rosparam {delete /use_sim_time,set use_sim_time false,dump tuned.yaml /camera/matcher}',
+        'rosbag {reindex,filter}', 'rosrun dynamic_reconfigure dynparam set /camera/matcher T_w 0.7', 'rostopic echo -n 1 ~mask/encoding',
         'rostopic echo /{diagnostics,camera/targets/detections}'],
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
         'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
@@ -294,7 +294,8 @@ class CommandsTest(unittest.TestCase):
         environment = {name: value for name, value in os.environ.items()
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
-        environment.update(FAKES=self.fakes, FAKE_OUTPUT=os.path.join(self.fakes, 'arguments'), PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
+        environment.update(FAKES=self.fakes, FAKE_OUTPUT=os.path.join(self.fakes, 'arguments'),
+                           PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
                            ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1',
                            ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
                            ROS_MASTER_URI='http://localhost:%d' % free_port())

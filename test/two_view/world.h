@@ -243,7 +243,8 @@ inline double normalisedError(const World& world, const TwoView& found, int free
 
 /// How a motion compares with the truth.
 struct Judgement {
-  bool wrong = false;    ///< off by more than 5 degrees
+  bool right = false;    ///< there is a motion, and it is off by at most 5 degrees
+  bool wrong = false;    ///< there is a motion, and it is off by more
   bool certain = false;  ///< wrong, the truth is beyond the bound of 99.9 %, and there is no doubt
 };
 
@@ -263,7 +264,7 @@ inline Judgement judged(const World& world, const TwoView& found) {
   } else if (!turned) {
     wrong = outside = wrong || across < kKnown;
   }
-  return {wrong, wrong && outside && found.doubt == Doubt::none};
+  return {!wrong, wrong, wrong && outside && found.doubt == Doubt::none};
 }
 
 }  // namespace ktgp_orb::two_view
