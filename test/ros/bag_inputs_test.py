@@ -308,7 +308,7 @@ class BagInputsTest(FolderCase):
 
     def test_the_table_has_the_time_of_every_stage(self):
         always = ['extraction', 'knn', 'tf', 'gms', 'prosac', 'total']
-        for arguments, ran in (((), ['align']), (('--noguided', '--noalignment'), []),
+        for arguments, ran in (((), ['align']), (('--alignment=false',), []),
                                (('--preset', 'robust', '--reference_mode', 'keyframe'), ['growth', 'guided', 'align']),
                                (('--preset', 'slam', '--camera', '250,250,159.5,119.5'), ['align', 'two_view'])):
             with self.subTest(arguments=arguments):
