@@ -141,8 +141,9 @@ struct TwoViewEstimator::Impl {
   two_view::Support support;
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
-  std::vector<double> values;  // buffer for computing medians
-  PointPairs shifted_points;   // buffers of refitted()
+  std::vector<double> values;                                    // buffer for computing medians
+  std::vector<Eigen::Vector2d> on_plane, off_plane, off_shifts;  // buffers of secondLayer()
+  PointPairs shifted_points;                                     // buffers of refitted()
   two_view::EpipolarPairs shifted;
   two_view::EpipolarFit shifted_fit;
   double fitted_scale = 0.0;  // scale of the last fit in covarianceOf(), px
@@ -443,7 +444,7 @@ double TwoViewEstimator::Impl::secondLayer(const PointPairs& pairs,
   // is seen at an angle changes the period by more than the noise does.
   constexpr double kSame = 0.1;
   if (!has_plane || result.geometry != Geometry::epipolar) return 0.0;
-  std::vector<Eigen::Vector2d> on_plane, off_plane, shifts;
+  for (std::vector<Eigen::Vector2d>* buffer : {&on_plane, &off_plane, &off_shifts}) buffer->clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (deviations[i] > 1.0 || result.mask[i] == 0) continue;
     const Eigen::Vector2d& x = pairs.reference[i];
@@ -451,12 +452,12 @@ double TwoViewEstimator::Impl::secondLayer(const PointPairs& pairs,
         pairs.target[i] - (plane.answer.homography * x.homogeneous()).hnormalized();
     const bool is_off = shift.norm() > options.max_error;
     (is_off ? off_plane : on_plane).push_back(x);
-    if (is_off) shifts.push_back(shift);
+    if (is_off) off_shifts.push_back(shift);
   }
-  if (shifts.size() < kFew) return 0.0;
+  if (off_shifts.size() < kFew) return 0.0;
   const auto median = [&](const auto& of) {
     values.clear();
-    for (const Eigen::Vector2d& shift : shifts) values.push_back(of(shift));
+    for (const Eigen::Vector2d& shift : off_shifts) values.push_back(of(shift));
     return medianOf(values);
   };
   const double x = median([](const Eigen::Vector2d& shift) { return shift.x(); });

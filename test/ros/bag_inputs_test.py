@@ -3,6 +3,7 @@
 import copy
 import csv
 import os
+import unittest
 
 import cv2
 import numpy as np
@@ -292,6 +293,12 @@ class BagInputsTest(FolderCase):
             pose = np.array(table.read().split()[-1].split(',')[3:], float).reshape(3, 3)
         turn = np.linalg.inv(K).dot(pose).dot(K)  # of the first frame, with determinant 1
         self.assertAlmostEqual(np.degrees(np.arctan2(-turn[0, 2], turn[2, 2])), 72.0, delta=0.5)
+
+    @unittest.skipUnless('KTGP_ORB_DATA' in os.environ, 'KTGP_ORB_DATA is not set: no photographs of a turn')
+    def test_frames_lost_before_the_map_became_a_panorama_are_called_so(self):
+        photographs = os.path.join(os.environ['KTGP_ORB_DATA'], 'two_view', 'pano_rotation_a', '*.jpg')
+        self.run_bag(photographs, '--rate', '2', '--mosaic', 'map.png', words=(
+            'degrees of the turn, on a cylinder', '3 frames lost before the turn was large enough for a cylinder'))
 
     def test_the_mosaic_says_why_it_shows_neither_a_plane_nor_a_panorama(self):
         near = [view_turned(0.0, 250.0, 0.25 * 1.06 ** i, *SIZE) for i in range(30)]
