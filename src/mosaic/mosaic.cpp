@@ -223,13 +223,13 @@ struct Mosaic::Impl {
   }
 
   /// Returns true if the pose may be wrong by a period of repetitive ground. It is right if the
-  /// last velocity predicts it, or if the frame looks like the map (see difference()). If the frame
-  /// does not repeat itself, a chain of homographies is enough, too. Otherwise a chain must lead to
-  /// the frame. A chain over a gap, or over a frame that was
-  /// lost as repetitive, does not count, because such a homography may be a period off, too. The
-  /// last velocity, if it is not too old, must predict the pose to within half a period or the
-  /// predicted motion, whichever is longer. If it predicts a motion of at least half a period, or
-  /// is too old, the chain must predict the pose to within half a period.
+  /// last velocity predicts it, or if the frame looks like the map (see difference()). Otherwise a
+  /// chain of homographies must lead to the frame. A chain over a gap, or over a frame that was
+  /// lost as repetitive, does not count, because such a homography may be a period off, too. If the
+  /// frame does not repeat itself, the chain is enough. If it does, the last velocity, if it is not
+  /// too old, must predict the pose to within half a period or the predicted motion, whichever is
+  /// longer. If the velocity predicts a motion of at least half a period, or is too old, the chain
+  /// must predict the pose to within half a period.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
