@@ -211,6 +211,34 @@ Eigen::Matrix3d RotationFit::covariance(const SharedShifts& shared, double unsee
   return estimation::sandwich(bread, meat);
 }
 
+std::optional<RelativePose> reversedInDepth(const EpipolarPairs& pairs, const Epipolar& geometry) {
+  Eigen::Vector3d from = Eigen::Vector3d::Zero();
+  Eigen::Vector3d to = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (!(pairs.distance(geometry, i) < pairs.limit)) continue;
+    from += pairs.referenceRay(i).normalized();
+    to += pairs.targetRay(i).normalized();
+  }
+  if (from.isZero(0.0) || to.isZero(0.0)) return std::nullopt;
+  from.normalize();
+  to.normalize();
+  constexpr double kParallel = 1e-9;  // squared sine of the angle between the rays
+  // The middle of the scene has the distances z[0] and z[1]: z[1] to = z[0] R from + t.
+  const Eigen::Matrix3d& turn = geometry.motion.rotation;
+  Eigen::Matrix<double, 3, 2> rays;
+  rays << -turn * from, to;
+  const Eigen::Matrix2d squares = rays.transpose() * rays;
+  if (!(squares.determinant() > kParallel)) return std::nullopt;
+  const Eigen::Vector2d z = squares.inverse() * rays.transpose() * geometry.motion.translation;
+  const auto mirror = [](const Eigen::Vector3d& ray) -> Eigen::Matrix3d {
+    return Eigen::Matrix3d::Identity() - 2.0 * ray * ray.transpose();
+  };
+  RelativePose pose;
+  pose.rotation = mirror(to) * turn * mirror(from);
+  pose.translation = (z[1] * to - z[0] * pose.rotation * from).normalized();
+  return pose;
+}
+
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
   constexpr int kRounds = 5;          // the first two rounds give all pairs nearly the same weight
   constexpr std::size_t kMost = 200;  // best pairs

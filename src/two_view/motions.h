@@ -111,6 +111,12 @@ class RotationFit {
   Eigen::Matrix3d rotation_ = Eigen::Matrix3d::Identity();
 };
 
+/// Returns the motion that explains nearly the same pairs as `geometry` if the scene is shallow
+/// compared with its distance: perspective hardly shows, so a scene and its mirror image in depth,
+/// seen by a camera that moves to the other side, look alike (Necker's cube). Empty if the rays of
+/// the agreeing pairs are parallel.
+std::optional<RelativePose> reversedInDepth(const EpipolarPairs& pairs, const Epipolar& geometry);
+
 /// Returns the rotation that maps the reference rays of the best pairs to their target rays, as if
 /// the camera had only turned. This is a least-squares fit with the weights of the Cauchy
 /// distribution.

@@ -237,6 +237,7 @@ void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoVi
   hypotheses.load(normalised, cellOf(pairs, input), 0.5 * diagonalOf(input) * normalised.scale(),
                   epipolar, has_plane ? &plane.answer.homography : nullptr);
   hypotheses.start(epipolar.motion);
+  if (const auto pose = two_view::reversedInDepth(normalised, epipolar)) hypotheses.start(*pose);
   if (input.prediction && !input.prediction->translation.isZero(0.0)) {
     hypotheses.start({input.prediction->rotation, input.prediction->translation.normalized()});
   }

@@ -29,6 +29,7 @@
 #include "refusal.h"
 #include "synthetic_pairs.h"
 #include "two_view/epipolar.h"
+#include "two_view/motions.h"
 #include "two_view/solvers.h"
 #include "two_view/support.h"
 #include "world.h"
@@ -146,6 +147,43 @@ TEST(EpipolarPairs, DerivativesEqualDifferences) {
           (pairs.moved(at, step).matrix - pairs.moved(at, -step).matrix) / (2.0 * kStep);
       for (int k = 0; k < 9; ++k) EXPECT_NEAR(tangent(k, i), slope(k / 3, k % 3), 1e-7) << i;
     }
+  }
+}
+
+/// A camera with a long lens goes round a shallow object: the object and its mirror image in depth
+/// look alike.
+TEST(Motions, AShallowSceneMayBeReversedInDepth) {
+  Numbers numbers(6);
+  const Eigen::Matrix3d k = test::cameraMatrix(2000.0, 2000.0);
+  const Eigen::Vector3d middle(0.3, -0.2, 10.0);
+  for (int run = 0; run < 20; ++run) {
+    const Eigen::Matrix3d turn = randomRotation(0.4, numbers);
+    const Eigen::Vector3d travel = Eigen::Vector3d(0.1, 0.2, 10.5) - turn * middle;
+    PointPairs points;
+    for (int i = 0; i < 200; ++i) {
+      const Eigen::Vector3d p = middle + 0.4 * randomVector(numbers);
+      points.add((k * p).hnormalized(), (k * (turn * p + travel)).hnormalized(), 0.0);
+    }
+    estimation::QualityOrder order;
+    order.sort(points.quality);
+    EpipolarPairs pairs;
+    pairs.load(points, order, 20.0, Cameras{k, k});
+    const Epipolar truth = pairs.fromMotion({turn, travel.normalized()});
+    const auto reversed = reversedInDepth(pairs, truth);
+    ASSERT_TRUE(reversed);
+    EXPECT_NEAR(reversed->rotation.determinant(), 1.0, 1e-9);
+    const auto median = [&](const Epipolar& geometry) {
+      std::vector<double> distances;
+      for (std::size_t i = 0; i < pairs.size(); ++i) {
+        distances.push_back(pairs.distance(geometry, i) / pairs.scale());
+      }
+      std::nth_element(distances.begin(), distances.begin() + 100, distances.end());
+      return distances[100];
+    };
+    EXPECT_LT(median(pairs.fromMotion(*reversed)), 2.0) << run;
+    const auto again = reversedInDepth(pairs, pairs.fromMotion(*reversed));
+    ASSERT_TRUE(again);
+    EXPECT_LT((again->rotation - turn).norm(), 0.01) << run;
   }
 }
 
@@ -888,6 +926,29 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_TRUE(result.two_view.view.pose.translation.isZero(0.0));
   EXPECT_NEAR(result.two_view.view.fundamental.norm(), 1.0, 1e-9);
+}
+
+/// An aerial camera comes back on the next strip: the image is upside down, and the two images
+/// share a quarter of what they show.
+TEST(TwoViewOfMatcher, FindsTheMotionIfTheImageIsUpsideDown) {
+  RelativePose pose = motion();
+  const Eigen::Matrix3d half_turn = Eigen::Vector3d(-1.0, -1.0, 1.0).asDiagonal();
+  pose.rotation = half_turn * pose.rotation;
+  pose.translation = half_turn * pose.translation;
+  const cv::Rect shared(160, 120, 320, 240);
+  for (int seed = 11; seed < 16; ++seed) {
+    const cv::Mat reference = texture(seed);
+    const cv::Mat seen = seenFrom(reference, motion(), 2.0, 6.0);
+    cv::Mat target = texture(seed + 100);
+    seen(shared).copyTo(target(shared));
+    cv::flip(target, target, -1);
+    const MatchResult result = matched({reference, target}, withCamera());
+    ASSERT_EQ(result.geometry, Geometry::epipolar) << seed;
+    EXPECT_LT(turnError(result.two_view.view.pose, pose), 0.02) << seed;
+    EXPECT_LT(directionError(result.two_view.view.pose, pose), 0.1) << seed;
+    EXPECT_EQ(result.gms.kept + result.gms.low_support, result.stage(StageId::tf)->output);
+    EXPECT_EQ(result.stage(StageId::two_view)->input, result.gms.kept);
+  }
 }
 
 TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
