@@ -37,7 +37,9 @@ struct MatcherOptions {
   /// If true, the ratio filter (TF) also requires that the two features are each other's nearest
   /// neighbours; not in the paper.
   bool mutual = false;
-  GmsOptions gms;  ///< gms.threshold is the paper's T_G
+  /// gms.threshold is the paper's T_G. If GMS is off and `geometry` is not `homography`, a match
+  /// must be confirmed by two matches near it, and GmsResult::low_support counts the others.
+  GmsOptions gms;
   ProsacOptions prosac;
   GrowthOptions growth;
   GuidedOptions guided;
@@ -51,7 +53,8 @@ struct MatcherOptions {
   /// GMS, then PROSAC, growth if PROSAC fails, a guided round and alignment.
   static MatcherOptions robust();
   /// For a moving camera in a scene with depth: mutual nearest neighbours without ratio test and
-  /// GMS. The matches are aligned one by one, and the geometry that fits them best is estimated.
+  /// GMS, if two near matches confirm them. The matches are aligned one by one, and the geometry
+  /// that fits them best is estimated.
   static MatcherOptions slam();
 };
 

@@ -6,8 +6,6 @@
 namespace ktgp_orb::growth {
 namespace {
 
-// Largest distance between a match and its voters, px of the reference.
-constexpr float kReach = 120.F;
 // Cosine of 0.5 rad, the largest difference between two rotations.
 constexpr float kCosine = 0.877583F;
 constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of scales, 1.6
@@ -41,7 +39,7 @@ bool Votes::votesFor(const Similarity& voter, const Similarity& pair) const {
   const float x = voter.x - pair.x;
   const float y = voter.y - pair.y;
   const float squared = x * x + y * y;
-  if (squared > kReach * kReach) return false;
+  if (squared > reach_ * reach_) return false;
   if (std::abs(voter.log_scale - pair.log_scale) > kLogScale) return false;
   if (voter.cosine * pair.cosine + voter.sine * pair.sine < kCosine) return false;
   const float c = pair.scale * pair.cosine;
@@ -58,14 +56,16 @@ void Votes::add(const LocalFrame& from, const LocalFrame& to) {
                     from.dx * to.dy - from.dy * to.dx, std::exp(log_scale), log_scale, 0, 0});
 }
 
-void Votes::count(const cv::Size& from_size, const cv::Size& to_size) {
+void Votes::count(const cv::Size& from_size, const cv::Size& to_size, std::int32_t enough,
+                  float reach) {
+  reach_ = reach;
   for (Similarity& pair : pairs_) {
     pair.from_cell = cellOf(pair.x, pair.y, from_size);
     pair.to_cell = cellOf(pair.u, pair.v, to_size);
   }
   cells_.build(
       pairs_.size(), [&](std::size_t i) { return cv::Point2f(pairs_[i].x, pairs_[i].y); },
-      from_size, kReach);
+      from_size, reach_);
   from_voted_.assign(cellsAlong(from_size.width) * cellsAlong(from_size.height), 0);
   to_voted_.assign(cellsAlong(to_size.width) * cellsAlong(to_size.height), 0);
   votes_.assign(pairs_.size(), 0);
@@ -74,12 +74,14 @@ void Votes::count(const cv::Size& from_size, const cv::Size& to_size) {
     const auto number = static_cast<std::uint32_t>(i + 1);
     from_voted_[pair.from_cell] = to_voted_[pair.to_cell] = number;
     std::int32_t votes = 0;
-    cells_.visitNear(pair.x, pair.y, kReach, [&](std::int32_t other) {
-      const Similarity& voter = pairs_[static_cast<std::size_t>(other)];
-      if (from_voted_[voter.from_cell] == number || to_voted_[voter.to_cell] == number) return;
-      if (!votesFor(voter, pair)) return;
-      from_voted_[voter.from_cell] = to_voted_[voter.to_cell] = number;
-      ++votes;
+    cells_.visitRuns(pair.x, pair.y, reach_, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t k = begin; k < end && votes < enough; ++k) {
+        const Similarity& voter = pairs_[static_cast<std::size_t>(cells_.order()[k])];
+        if (from_voted_[voter.from_cell] == number || to_voted_[voter.to_cell] == number) continue;
+        if (!votesFor(voter, pair)) continue;
+        from_voted_[voter.from_cell] = to_voted_[voter.to_cell] = number;
+        ++votes;
+      }
     });
     votes_[i] = votes;
   }
@@ -88,7 +90,7 @@ void Votes::count(const cv::Size& from_size, const cv::Size& to_size) {
 void Votes::voters(std::int32_t number, std::vector<std::int32_t>& voters) const {
   voters.clear();
   const Similarity& wanted = pair(number);
-  cells_.visitNear(wanted.x, wanted.y, kReach, [&](std::int32_t other) {
+  cells_.visitNear(wanted.x, wanted.y, reach_, [&](std::int32_t other) {
     if (other != number && votesFor(pair(other), wanted)) voters.push_back(other);
   });
 }

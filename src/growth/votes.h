@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core/types.hpp>
 #include <vector>
 
@@ -34,10 +35,16 @@ class Votes {
     return pairs_[static_cast<std::size_t>(number)];
   }
 
-  /// Counts the votes for all pairs. `from`, `to`: sizes of the images.
-  void count(const cv::Size& from, const cv::Size& to);
+  static constexpr float kReach = 120.F;  ///< px
+  static constexpr std::int32_t kAll = std::numeric_limits<std::int32_t>::max();
 
-  /// Number of votes of each pair.
+  /// Counts the votes for all pairs. `from`, `to`: sizes of the images. `enough`: no more votes
+  /// than this are counted for a pair, which saves time. `reach`: largest distance between a match
+  /// and its voters, px of the reference.
+  void count(const cv::Size& from, const cv::Size& to, std::int32_t enough = kAll,
+             float reach = kReach);
+
+  /// Number of votes of each pair, at most `enough`.
   const std::vector<std::int32_t>& votes() const { return votes_; }
 
   /// Sets `voters` to the pairs that vote for pair `number`.
@@ -46,6 +53,7 @@ class Votes {
  private:
   bool votesFor(const Similarity& voter, const Similarity& pair) const;
 
+  float reach_ = kReach;
   util::CellGrid cells_;
   std::vector<Similarity> pairs_;
   // For each cell, 1 + the index of the last pair that the cell voted for.

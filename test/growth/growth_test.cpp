@@ -571,6 +571,19 @@ TEST(GrowthVotes, ClusterHasOneVote) {
   EXPECT_EQ(votes.votes()[0], 3);
 }
 
+TEST(GrowthVotes, StopAtEnoughAndKeepToTheReach) {
+  const auto at = [](double x) {
+    return FramePair{frameAt({x, 100}, 0, 31), frameAt({x + 100, 200}, 0, 31)};
+  };
+  Votes votes;
+  count({at(20), at(60), at(100), at(220.5)}, votes);
+  EXPECT_EQ(votes.votes(), (std::vector<std::int32_t>{2, 2, 2, 0}));
+  votes.count(kSize, kSize, 1);
+  EXPECT_EQ(votes.votes(), (std::vector<std::int32_t>{1, 1, 1, 0}));
+  votes.count(kSize, kSize, Votes::kAll, 130.F);
+  EXPECT_EQ(votes.votes(), (std::vector<std::int32_t>{2, 2, 3, 1}));
+}
+
 TEST(GrowthFit, NearAPriorFewPairsAreEnoughAndManyDecide) {
   const Eigen::Matrix2d truth = (Eigen::Matrix2d() << 1.2, 0.3, -0.2, 0.9).finished();
   const Eigen::Vector2d from(100, 100);
