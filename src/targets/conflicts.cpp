@@ -19,6 +19,8 @@ constexpr double kLeastMove = 0.08;
 constexpr double kLeastAlike = 0.5;  // minimum correlation; low, since looksTheSame() is stricter
 constexpr double kLeastAgreement = 0.6;  // minimum share of the blocks that look alike
 constexpr double kLeastOverlap = 0.5;
+// The outlines of two pictures with the same content overlap by more than this share of the larger.
+constexpr double kSameOutline = 0.6;
 // Maximum number of shifts tested for each of the four rotations (0, 90, 180 and 270 degrees).
 constexpr std::size_t kMostPlaces = 4;
 
@@ -36,15 +38,22 @@ Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
   return map;
 }
 
-/// Returns true if the picture looks roughly like itself after `map` has moved it (px -> px).
-bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
-  const std::vector<cv::Mat> image{picture.image};
+/// Returns the map from the picture to the image near `map` at which the patches of both agree
+/// best.
+Eigen::Matrix3d aligned(const TargetPicture& picture, const cv::Mat& image,
+                        const Eigen::Matrix3d& map) {
   UncertainHomography exact;
   exact.homography = map;
   PointPairs pairs;
-  PictureAligner().align(picture, image, exact, pairs);
-  if (homography::overlap(exact.homography, picture.image.size()) < kLeastOverlap) return false;
-  return Appearance().compare(picture, exact.homography, {image}, 1.0).agreement >= kLeastAgreement;
+  PictureAligner().align(picture, {image}, exact, pairs);
+  return exact.homography;
+}
+
+/// Returns true if the picture looks roughly like itself after `map` has moved it (px -> px).
+bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
+  const Eigen::Matrix3d exact = aligned(picture, picture.image, map);
+  if (homography::overlap(exact, picture.image.size()) < kLeastOverlap) return false;
+  return Appearance().compare(picture, exact, {{picture.image}}, 1.0).agreement >= kLeastAgreement;
 }
 
 std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
@@ -135,19 +144,20 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
          share * std::max(cv::contourArea(a), cv::contourArea(b));
 }
 
-/// Returns true if a part of the image, such as a text, clearly differs from the picture found in
-/// it, and is so large that conflicts() can tell the two pictures apart. kLeastShare lies between
-/// two measurements: in 350 copies of pictures with other light, scale and blur, found in the right
-/// place, at most 0.031 of the blocks differ; in different signs that have the upper half and one
-/// word of the lower half in common, at least 0.041 differ. Glare with a sharp edge may change 0.08
-/// of the blocks, so it may be taken for a difference.
+// An image has another part than the picture found in it, such as another text, which is so large
+// that conflicts() can tell the two pictures apart, if more than this share of the blocks clearly
+// differs. It lies between two measurements: in 350 copies of pictures with other light, scale and
+// blur, found in the right place, at most 0.031 of the blocks differ; in different signs that have
+// the upper half and one word of the lower half in common, at least 0.041 differ. Glare with a
+// sharp edge may change 0.08 of the blocks, so it may be taken for a difference.
+constexpr double kShareOfAnotherPart = 0.035;
+
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
-  constexpr double kLeastShare = 0.035;
   if (found.agreement > kMostAgreement) return false;
   Appearance appearance;
   appearance.compare(store.picture(found.picture), found.estimate.homography, {{image}}, 1.0);
-  return appearance.shareThatDiffers() > kLeastShare;
+  return appearance.shareThatDiffers() > kShareOfAnotherPart;
 }
 
 }  // namespace
@@ -207,14 +217,37 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 }
 
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store) {
-  constexpr double kShare = 0.6;
   // Minimum share of blocks that look alike. If two sharp images have only a logo in common, the
   // other blocks differ.
   constexpr double kLeastAgreement = 0.5;
   return found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store),
-                       outlineOf(picture.image.size(), Eigen::Matrix3d::Identity()), kShare) &&
+                       outlineOf(picture.image.size(), Eigen::Matrix3d::Identity()),
+                       kSameOutline) &&
          !differsInPart(found, picture.image, store);
+}
+
+bool showTheSame(const TargetPicture& known, const TargetPicture& picture) {
+  constexpr double kWorthAligning = 0.2;  // least agreement before the alignment
+  const Outline whole = outlineOf(picture.image.size(), Eigen::Matrix3d::Identity());
+  Appearance appearance;
+  const auto agreementAt = [&](const Eigen::Matrix3d& map) {
+    return appearance.compare(known, map, {{picture.image}}, 1.0).agreement;
+  };
+  for (int quarters = 0; quarters < 4; ++quarters) {
+    cv::Size turned = known.image.size();
+    if (quarters % 2 == 1) std::swap(turned.width, turned.height);
+    const Eigen::Matrix3d start =
+        homography::resizing(turned, picture.image.size()) * turning(quarters, known.image.size());
+    if (agreementAt(start) < kWorthAligning) continue;
+    const Eigen::Matrix3d map = aligned(known, picture.image, start);
+    if (areInOnePlace(outlineOf(known.image.size(), map), whole, kSameOutline) &&
+        agreementAt(map) >= kLeastAgreement &&
+        appearance.shareThatDiffers() <= kShareOfAnotherPart) {
+      return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace ktgp_orb::targets

@@ -28,4 +28,8 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 /// the scene. A common part, such as the upper half of a sign, is not enough.
 bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store);
 
+/// Returns true if both pictures, as a whole and in one of four rotations, show the same. This also
+/// compares pictures that are too small for a search, which needs keypoints.
+bool showTheSame(const TargetPicture& known, const TargetPicture& picture);
+
 }  // namespace ktgp_orb::targets

@@ -158,6 +158,7 @@ struct TargetFinder::Impl {
   Eigen::Matrix3d setChecked(const TargetPicture& picture, bool larger);
   const StoredTarget* shownIn(const TargetPicture& picture, bool larger,
                               const StoredTarget* replaced);
+  const StoredTarget* smallTwinOf(const TargetPicture& picture, const StoredTarget* replaced);
   void requireDifferent(const std::string& id, const std::vector<TargetPicture>& pictures,
                         const StoredTarget* replaced);
   void requireOwnFrame(const Target& target, const StoredTarget* replaced) const;
@@ -229,15 +230,35 @@ const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bo
   return nullptr;
 }
 
+/// Returns a known target that shows the same as `picture` if both are too small for shownIn(),
+/// which needs keypoints; null if there is none.
+const StoredTarget* TargetFinder::Impl::smallTwinOf(const TargetPicture& picture,
+                                                    const StoredTarget* replaced) {
+  const auto isTiny = [](const cv::Mat& image) {
+    return std::min(image.cols, image.rows) < SearchedFrame::kSmallSide;
+  };
+  if (!isTiny(picture.image)) return nullptr;
+  for (const auto& target : store.targets()) {
+    if (target.get() == replaced) continue;
+    for (const std::uint32_t number : target->pictures) {
+      const TargetPicture& known = store.picture(number);
+      if (isTiny(known.image) && targets::showTheSame(known, picture)) return target.get();
+    }
+  }
+  return nullptr;
+}
+
 /// Throws if a known target and a new picture show nearly the same part of the scene. A target that
 /// covers only a part of the picture, such as a logo, is allowed. A small picture has few keypoints
-/// at its original size, so we also search an enlarged copy of it.
+/// at its original size, so we also search an enlarged copy of it, and compare the small pictures
+/// as a whole.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     const StoredTarget* same = shownIn(pictures[i], false, replaced);
     if (same == nullptr && isSmall(pictures[i])) same = shownIn(pictures[i], true, replaced);
+    if (same == nullptr) same = smallTwinOf(pictures[i], replaced);
     if (same == nullptr) continue;
     throw std::invalid_argument("target " + util::quoted(id) + ": image " + std::to_string(i + 1) +
                                 " shows the same as target " + util::quoted(same->id) +

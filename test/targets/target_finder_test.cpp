@@ -478,8 +478,8 @@ cv::Mat smallFace(int side, std::uint64_t seed) {
 
 /// In their own size, such pictures have too few keypoints to be found again.
 TEST(TargetFinder, TheSameSmallFaceIsOneTarget) {
-  for (const int side : {60, 80, 110, 150}) {
-    for (const std::uint64_t seed : {5U, 6U, 7U}) {
+  for (const int side : {50, 55, 60, 80, 110, 150}) {
+    for (std::uint64_t seed = 5; seed < 13; ++seed) {
       const cv::Mat face = smallFace(side, seed);
       TargetFinder finder;
       finder.add(test::targetOf("first", face));
@@ -488,6 +488,17 @@ TEST(TargetFinder, TheSameSmallFaceIsOneTarget) {
       cv::resize(face, larger, {}, 1.2, 1.2, cv::INTER_CUBIC);
       expectRefused(finder, test::targetOf("larger", larger), "shows the same as target \"first\"");
       EXPECT_EQ(reasonOf(finder, test::targetOf("other", smallFace(side, seed + 20))), "") << side;
+    }
+  }
+}
+
+TEST(TargetFinder, DifferentSmallFacesAreDifferentTargets) {
+  for (const int side : {50, 55, 60, 80}) {
+    TargetFinder finder;
+    for (std::uint64_t seed = 100; seed < 140; ++seed) {
+      const std::string id = std::to_string(seed);
+      EXPECT_EQ(reasonOf(finder, test::targetOf(id, smallFace(side, seed))), "")
+          << side << ' ' << id;
     }
   }
 }
