@@ -635,15 +635,26 @@ TEST(TargetPose, AnotherShapeIsNotTakenForTheShutter) {
     const auto one = global.find(now, camera(), nullptr, 1'033'333'333, kRows).poses;
     const auto other = unknown.find(now, camera(), nullptr, 1'033'333'333, kRows).poses;
     if (one.empty() || other.empty()) continue;
-    const auto d = difference(one[0].target_to_camera, other[0].target_to_camera);
-    degrees.push_back(d.tail<3>().norm() * 180.0 / CV_PI);
+    const auto turnOf = [&](const PlanarPose& pose) {
+      const auto d = difference(one[0].target_to_camera, pose.target_to_camera);
+      return d.tail<3>().norm() * 180.0 / CV_PI;
+    };
+    // If both of two poses are as likely, either may be the first one.
+    const PlanarPose* nearest = &other[0];
+    for (const PlanarPose& pose : other) {
+      if (turnOf(pose) < turnOf(*nearest)) nearest = &pose;
+    }
+    EXPECT_GT(nearest->share, 0.1) << i;
+    degrees.push_back(turnOf(*nearest));
   }
   ASSERT_GT(degrees.size(), 90U) << "with a pose, of 100";
   std::sort(degrees.begin(), degrees.end());
-  std::printf("%zu poses, turned by %.2f degrees at the median, %.2f at 90 %%\n", degrees.size(),
-              degrees[degrees.size() / 2], degrees[degrees.size() * 9 / 10]);
+  std::printf("%zu poses, turned by %.2f degrees at the median, %.2f at 90 %%, %.2f at most\n",
+              degrees.size(), degrees[degrees.size() / 2], degrees[degrees.size() * 9 / 10],
+              degrees.back());
   EXPECT_LT(degrees[degrees.size() / 2], 1.0);
   EXPECT_LT(degrees[degrees.size() * 9 / 10], 3.0);
+  EXPECT_LT(degrees.back(), 10.0);
 }
 
 }  // namespace

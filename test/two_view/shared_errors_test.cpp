@@ -20,7 +20,6 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-constexpr double kDegree = 0.017453292519943295;
 // 99.9 % of chi² with three and with five degrees of freedom
 constexpr double kBoundOfTurn = 16.27;
 constexpr double kBoundOfMotion = 20.52;
@@ -114,21 +113,23 @@ TEST_P(Faulty, CameraHasTheTruthInItsCovarianceOrADoubt) {
     // A shutter bends what the epipolar geometry knows to a hundredth of a pixel: 89 % when the
     // bound was set, 2 % without the shared errors of a shutter and a zoom.
     const bool bent = GetParam().pitch > 0.0 && (shape == Shape::depth || shape == Shape::forward);
-    EXPECT_GE(tally.honest, kDraws * (bent ? 85 : 98) / 100) << "shape " << static_cast<int>(shape);
+    // 5 % are five deviations of the focal length: 80 of 100 when the bound was set.
+    const bool far_off = GetParam().focal == 1.05 && shape == Shape::plane;
+    const int least = far_off ? 75 : bent ? 85 : 98;
+    EXPECT_GE(tally.honest, kDraws * least / 100) << "shape " << static_cast<int>(shape);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(SharedErrors, Faulty,
-                         testing::Values(Fault{"focal_1_percent", 1.01},
-                                         Fault{"focal_3_percent", 1.03},
-                                         Fault{"focal_less_3_percent", 0.97},
-                                         Fault{"zoom_0_3_percent", 1.0, 1.003},
-                                         Fault{"zoom_1_percent", 1.0, 1.01},
-                                         Fault{"pitch_20", 1.0, 1.0, 20.0 * kDegree, 0.033},
-                                         Fault{"pitch_60", 1.0, 1.0, 60.0 * kDegree, 0.033},
-                                         Fault{"pitch_20_slow", 1.0, 1.0, 20.0 * kDegree, 0.1},
-                                         Fault{"pitch_60_slow", 1.0, 1.0, 60.0 * kDegree, 0.1}),
-                         [](const auto& info) { return info.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    SharedErrors, Faulty,
+    testing::Values(Fault{"focal_1_percent", 1.01}, Fault{"focal_3_percent", 1.03},
+                    Fault{"focal_less_3_percent", 0.97}, Fault{"focal_5_percent", 1.05},
+                    Fault{"zoom_0_3_percent", 1.0, 1.003}, Fault{"zoom_1_percent", 1.0, 1.01},
+                    Fault{"pitch_20", 1.0, 1.0, 20.0 * kDegree, 0.033},
+                    Fault{"pitch_60", 1.0, 1.0, 60.0 * kDegree, 0.033},
+                    Fault{"pitch_20_slow", 1.0, 1.0, 20.0 * kDegree, 0.1},
+                    Fault{"pitch_60_slow", 1.0, 1.0, 60.0 * kDegree, 0.1}),
+    [](const auto& info) { return info.param.name; });
 
 /// With linear errors alone the medians were 1.58, 1.16, 0.035 and 1.47. A turn of 4 degrees is
 /// known to 0.04 degrees if the focal length is known to 1 %, whatever its residuals say.
@@ -238,34 +239,53 @@ TEST(SharedShifts, OfAShutterEqualThoseOfAMovingCamera) {
   }
 }
 
+struct SmallStep {
+  double step;   ///< m
+  double noise;  ///< px
+  double least;  ///< degrees of the turn
+  double most;
+};
+
+void checkRotations(const SmallStep& small) {
+  constexpr int kDraws = 100;
+  Numbers numbers(42);
+  TwoViewEstimator estimator(realCameras());
+  TwoView result;
+  double sum = 0.0;
+  int inside = 0;
+  int runs = 0;
+  for (int run = 0; run < kDraws; ++run) {
+    const Eigen::Vector3d axis = randomVector(numbers).normalized();
+    const Eigen::AngleAxisd turn(numbers.uniform(small.least, small.most) * kDegree, axis);
+    const Travel travel(turn.matrix(), small.step * randomVector(numbers).normalized());
+    const World world(Shape::far, travel, numbers, 500, 100, small.noise);
+    estimator.estimate(world.pairs, world.input(), result);
+    if (result.geometry != Geometry::rotation && result.geometry != Geometry::plane) continue;
+    if (!result.pose_covariance.allFinite()) continue;  // claims nothing
+    const double error = normalisedError(world, result, 3);
+    inside += error < kBoundOfTurn;
+    sum += error;
+    ++runs;
+  }
+  EXPECT_GE(runs, kDraws / 2);
+  EXPECT_GE(inside, runs * 99 / 100) << small.step << " m, " << small.noise << " px";
+  EXPECT_LT(sum, 4.0 * runs) << small.step << " m, " << small.noise << " px";
+}
+
 /// A hand-held camera that turns by 1 to 5 degrees and moves by millimetres sees a parallax that it
 /// cannot tell from noise.
 TEST(SmallSteps, LeaveTheRotationWithinItsCovariance) {
-  constexpr int kDraws = 100;
   for (const double noise : {0.02, 0.2}) {
-    for (const double step : {0.001, 0.002, 0.007, 0.012, 0.020}) {  // m
-      Numbers numbers(42);
-      TwoViewEstimator estimator(realCameras());
-      TwoView result;
-      double sum = 0.0;
-      int inside = 0;
-      int runs = 0;
-      for (int run = 0; run < kDraws; ++run) {
-        const Eigen::Vector3d axis = randomVector(numbers).normalized();
-        const Eigen::AngleAxisd turn(numbers.uniform(1.0, 5.0) * kDegree, axis);
-        const Travel travel(turn.matrix(), step * randomVector(numbers).normalized());
-        const World world(Shape::far, travel, numbers, 500, 100, noise);
-        estimator.estimate(world.pairs, world.input(), result);
-        if (result.geometry != Geometry::rotation && result.geometry != Geometry::plane) continue;
-        if (!result.pose_covariance.allFinite()) continue;  // claims nothing
-        const double error = normalisedError(world, result, 3);
-        inside += error < kBoundOfTurn;
-        sum += error;
-        ++runs;
-      }
-      EXPECT_GE(inside, runs * 99 / 100) << step << " m, " << noise << " px";
-      EXPECT_LT(sum, 4.0 * runs) << step << " m, " << noise << " px";
+    for (const double step : {0.001, 0.002, 0.007, 0.012, 0.020}) {
+      checkRotations({step, noise, 1.0, 5.0});
     }
+  }
+}
+
+/// A turn of 0.05 degrees moves the pixels by half a pixel.
+TEST(SmallSteps, LeaveATurnBelowHalfAPixelWithinItsCovariance) {
+  for (const double noise : {0.02, 0.2}) {
+    for (const double step : {0.0, 0.001, 0.007}) checkRotations({step, noise, 0.0, 0.05});
   }
 }
 

@@ -16,6 +16,7 @@
 
 namespace ktgp_orb::two_view {
 
+inline constexpr double kDegree = 0.017453292519943295;  // rad
 using test::Numbers;
 
 inline const cv::Size kSize(640, 480);
@@ -186,7 +187,6 @@ inline World worldThatRepeats(Shape shape, Numbers& numbers) {
 
 /// The camera turns by 8 to 35 degrees.
 inline World worldOfAWideTurn(Shape shape, Numbers& numbers) {
-  constexpr double kDegree = 0.017453292519943295;
   Travel travel(shape, numbers);
   travel.rotation = Eigen::AngleAxisd(numbers.uniform(8.0, 35.0) * kDegree,
                                       Eigen::AngleAxisd(travel.rotation).axis())
