@@ -29,6 +29,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "main.h"
 #include "support.h"
 
 namespace {
@@ -199,4 +200,7 @@ BENCHMARK(guided)->Apply(arguments)->ArgsProduct({{2000}, {0, 1, 2}});
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

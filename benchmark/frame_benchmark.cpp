@@ -33,6 +33,7 @@
 #include "files/input.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "main.h"
 #include "support.h"
 
 namespace {
@@ -265,4 +266,7 @@ BENCHMARK(frame)
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

@@ -16,6 +16,7 @@
 
 #include "dense_gms.h"
 #include "ktgp_orb/gms_filter.h"
+#include "main.h"
 
 namespace {
 
@@ -135,4 +136,7 @@ BENCHMARK(dense)->Apply(sizesAndModes);
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

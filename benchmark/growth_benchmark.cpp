@@ -26,6 +26,7 @@
 #include "ktgp_orb/growth.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "main.h"
 #include "support.h"
 
 namespace {
@@ -144,4 +145,7 @@ BENCHMARK_CAPTURE(growth, views_13, 13)->Unit(benchmark::kMillisecond)->Iteratio
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

@@ -28,6 +28,7 @@
 #include "files/input.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/metrics.h"
+#include "main.h"
 #include "matching/knn/near_search.h"
 #include "matching/knn/search.h"
 #include "support.h"
@@ -254,11 +255,9 @@ void registerAll(const Frames& frames) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
   const Frames frames = Frames::load(20000);
   registerAll(frames);
   registerNear(frames);
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
 }

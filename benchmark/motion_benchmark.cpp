@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "ktgp_orb/ground_motion.h"
+#include "main.h"
 #include "motion/camera_pose.h"
 
 namespace {
@@ -71,4 +72,7 @@ BENCHMARK(motion)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

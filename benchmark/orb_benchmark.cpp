@@ -22,6 +22,7 @@
 #include "files/input.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "main.h"
 #include "support.h"
 
 namespace {
@@ -153,4 +154,7 @@ BENCHMARK_CAPTURE(extract, uniform, KeypointDistribution::uniform)->Apply(argume
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}

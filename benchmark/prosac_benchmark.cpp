@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "ktgp_orb/prosac_homography.h"
+#include "main.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {
@@ -151,10 +152,8 @@ void registerAll() {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
   cv::setNumThreads(1);
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   ktgp_orb::registerAll();
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
 }

@@ -24,6 +24,7 @@
 #include "features/alignment/patch_aligner.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/two_view.h"
+#include "main.h"
 #include "support.h"
 #include "synthetic_pairs.h"
 
@@ -180,4 +181,7 @@ BENCHMARK(alignMatches)->Arg(500)->Iterations(100);
 
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
+  return ktgp_orb::bench::runBenchmarks(argc, argv);
+}
