@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "growth/alike_pairs.h"
@@ -11,6 +12,7 @@
 #include "growth/map_fit.h"
 #include "growth/reference_frames.h"
 #include "growth/shift_votes.h"
+#include "growth/single_details.h"
 #include "growth/verdict.h"
 #include "growth/votes.h"
 #include "homography/fit.h"
@@ -47,6 +49,12 @@ struct Standing {
   double share = 0.0;
   bool is_rivalled = false;
   bool stands_out = false;
+  /// True if the scene repeats itself, so that the details that exist once must decide.
+  bool needs_details = false;
+  /// See SingleDetails::count; empty unless needed, and if the reference is not repetitive.
+  std::optional<SingleDetails::Count> details;
+  bool has_votes = false;   ///< more votes than chance gives any shift
+  bool is_settled = false;  ///< true if the details that exist once show that it is right
 };
 
 /// How much a map stretches the image near a point: the largest and the smallest factor over all
@@ -82,6 +90,11 @@ bool isAccepted(const Grown& grown) {
   return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
 }
 
+/// Returns true if the matches are not due to chance, but a shifted copy has nearly as many.
+bool isRepeated(const Grown& grown) {
+  return !isAccepted(grown) && grown.judgement.log_by_chance < Verdict::kLogMaxFalseAlarms;
+}
+
 }  // namespace
 }  // namespace growth
 
@@ -111,6 +124,7 @@ struct HomographyGrowth::Impl {
   void growFromRepeats(GrowthResult& result);
   void growFromShifts(GrowthResult& result);
   growth::Counting countShifts(const Grown& hypothesis, const growth::Stretch& stretch);
+  bool isBacked(std::size_t i, bool& repeats);
   bool isRival(std::size_t other, std::size_t one);
   void choose(GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
@@ -144,6 +158,7 @@ struct HomographyGrowth::Impl {
   // reallocate `grown`.
   std::vector<cv::Point2f> repeats;
   growth::ShiftVotes shifts;
+  growth::SingleDetails details;
   std::vector<growth::ShiftVotes::Peak> peaks;
   PointPairs mutual;  // mutual nearest neighbours of the two images, not of simulated views
   // Arguments of find() while it runs.
@@ -271,8 +286,12 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   if (!stretch.keepsShape()) return;
   const bool of_alike = countShifts(kept, stretch).of_alike;
   const bool stands_out = shifts.standsOut();
-  stands = {true, shifts.own().share(), shifts.isRivalled() || (of_alike && !stands_out),
-            stands_out};
+  stands.is_known = true;
+  stands.share = shifts.own().share();
+  stands.is_rivalled = shifts.isRivalled() || !shifts.isClear() || (of_alike && !stands_out);
+  stands.stands_out = stands_out;
+  stands.has_votes = shifts.isEvident();
+  stands.needs_details = !of_alike && (shifts.isRepetitive() || growth::isRepeated(kept));
 }
 
 /// Counts the votes for shifts of `hypothesis`. If the images differ much in scale, measures the
@@ -352,13 +371,44 @@ void HomographyGrowth::Impl::growFromShifts(GrowthResult& result) {
   }
 }
 
+/// Returns true if the votes for shifts and the details that exist once agree with hypothesis `i`.
+/// `repeats`: true if another hypothesis has shown that the scene repeats itself.
+///
+/// If nearest neighbours also vote for another shift of a hypothesis (is_rivalled), the scene
+/// repeats itself. Then a hypothesis is accepted only if it clearly has more votes than any shift
+/// of it (stands_out, see ShiftVotes). It is not enough that it has no rival: if the images overlap
+/// only a little under this hypothesis, its share of votes is computed from few pairs and may be
+/// large by chance.
+bool HomographyGrowth::Impl::isBacked(std::size_t i, bool& repeats) {
+  growth::Standing& stands = standing[i];
+  if (stands.needs_details) {
+    stands.details = details.count(grown[i].map);
+    if (stands.details) {
+      stands.is_rivalled = stands.is_rivalled || stands.details->contradict();
+      stands.is_settled =
+          stands.details->settle() && stands.has_votes && !growth::isRepeated(grown[i]);
+    }
+    if (stands.is_settled) return true;
+  }
+  repeats |= stands.is_rivalled || growth::isRepeated(grown[i]);
+  return !stands.is_rivalled && (!repeats || stands.stands_out);
+}
+
 /// Returns true if `other` could be right instead of `one`. It must contradict `one` and, if the
 /// shares of nearest-neighbour votes are known for both, have more than half the share of `one`.
+/// Votes for what both agree on do not count: a distorted copy of `one` has many of its votes. If
+/// the details that exist once decide, `other` must also have more than half their share.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
-  const bool tells = standing[other].is_known && standing[one].is_known;
-  return other != one && (!tells || kClear * standing[other].share > standing[one].share) &&
-         growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered);
+  if (other == one) return false;
+  if (standing[other].is_known && standing[one].is_known) {
+    const double own = 1.0 - growth::agreement(grown[other], grown[one]);
+    if (!(kClear * own * standing[other].share > standing[one].share)) return false;
+  }
+  if (!growth::contradicts(grown[other], grown[one], matcher.imageSize(), covered)) return false;
+  if (!standing[one].is_settled) return true;
+  const auto found = details.count(grown[other].map);
+  return !found || kClear * found->share() > standing[one].details->share();
 }
 
 /// Chooses the best hypothesis, unless chance explains it or a contradicting hypothesis is nearly
@@ -376,22 +426,17 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   result.log_false_alarms = judgement.log_false_alarms;
   if (start_place < grown_count) {
     const growth::Judgement& of_start = grown[start_place].judgement;
+    bool repeats = false;
     if (of_start.log_false_alarms < kLogMaxOfStart && of_start.matched >= judgement.matched &&
-        !standing[start_place].is_rivalled) {
+        isBacked(start_place, repeats)) {
       store(grown[start_place], result);
       return;
     }
   }
-  // If nearest neighbours also vote for another shift of a hypothesis (is_rivalled), the scene
-  // repeats itself. Then a less significant hypothesis is accepted only if it clearly has more
-  // votes than any shift of it (stands_out, see ShiftVotes). It is not enough that it has no rival:
-  // if the images overlap only a little under this hypothesis, its share of votes is computed from
-  // few pairs and may be large by chance.
   bool repeats = false;
   for (const std::size_t i : order) {
-    if (!growth::isAccepted(grown[i])) return;
-    repeats |= standing[i].is_rivalled;
-    if (standing[i].is_rivalled || (repeats && !standing[i].stands_out)) continue;
+    if (!growth::isAccepted(grown[i]) && !growth::isRepeated(grown[i])) continue;
+    if (!isBacked(i, repeats)) continue;
     const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
     if (std::any_of(order.begin(), order.end(), is_rival)) return;
     if (store(grown[i], result)) return;
@@ -466,6 +511,7 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
     view.knn.matchMutual(features.descriptors, target.descriptors, view.matches);
     impl.vote(view, features, target, view.matches);
   }
+  impl.details.setFrames(reference, target);
   impl.collectSeeds();
   impl.mutual.clear();
   for (const Correspondence& c : matches) {

@@ -123,19 +123,31 @@ bool ShiftVotes::isRivalled() const {
   });
 }
 
-bool ShiftVotes::standsOut() const {
-  // The own shift stands out if log10 of the probability of so many votes by chance is below this
+bool ShiftVotes::isEvident() const {
+  return own_.votes >= kEvident;
+}
+
+bool ShiftVotes::isRepetitive() const {
+  return std::any_of(others_.begin(), others_.end(),
+                     [](const Peak& other) { return other.votes >= kEvident; });
+}
+
+bool ShiftVotes::isClear() const {
+  // The own shift is clear if log10 of the probability of so many votes by chance is below this
   // limit. The limit is low because a wrong homography may be the best of hundreds of wrong shifts,
   // for example of all shifts that move a symbol of a page to another symbol.
   constexpr double kLogMost = -5.0;
   // Shifts with fewer votes are ignored: if there are many shifts, some get a few votes by chance.
   constexpr double kCommon = 4.0;
-  if (own_.votes < kEvident) return false;
   double share = 0.0;
   for (const Peak& other : others_) {
     if (other.votes >= kCommon) share = std::max(share, certainShare(other));
   }
-  return logChance(own_.votes, share * own_.seen, 1.0) < kLogMost;
+  return share <= 0.0 || logChance(own_.votes, share * own_.seen, 1.0) < kLogMost;
+}
+
+bool ShiftVotes::standsOut() const {
+  return isEvident() && isClear();
 }
 
 }  // namespace ktgp_orb::growth

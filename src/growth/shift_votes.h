@@ -48,6 +48,14 @@ class ShiftVotes {
   /// shifts: it is very unlikely (10^-5) to get so many votes with a share as large as the largest
   /// share of another shift, reduced by one standard deviation.
   bool standsOut() const;
+  /// Returns true if the own shift has significantly more votes than the other shifts, as in
+  /// standsOut(), or if no other shift has more than a few votes.
+  bool isClear() const;
+  /// Returns true if the own shift has at least eight votes.
+  bool isEvident() const;
+  /// Returns true if another shift has at least eight votes. Then the scene probably repeats
+  /// itself.
+  bool isRepetitive() const;
 
  private:
   /// The vote of one pair, and its points in the reference (`from`) and in the target (`to`), px.

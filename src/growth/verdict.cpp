@@ -12,7 +12,8 @@ namespace {
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
 constexpr double kAboveLargest = 1.5;
-constexpr double kRounds = 10.0;  // maximum number of rounds of a growth (see GrowthPlan)
+constexpr double kElsewhere = 10.0;  // px; a match with a smaller error contradicts nothing
+constexpr double kRounds = 10.0;     // maximum number of rounds of a growth (see GrowthPlan)
 // Side of a cell, px; two descriptor patches at this distance share half of their width.
 constexpr float kCell = 12.F;
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
@@ -108,7 +109,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   // We first assume that the decoys have no matches. This test is cheap, and most wrong
   // homographies already fail it.
   const auto matched = static_cast<std::size_t>(own.back());
-  Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
+  Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity(), 0.0};
   for (const double n : own) {
     at_best.log_false_alarms =
         std::min(at_best.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
@@ -124,21 +125,30 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   }
   largest_.fill(0.0);
   for (const Decoy& decoy : decoys_) include(decoy);
-  Judgement judgement = best(own, own_chances, log_tests);
+  const Judgement judgement = judgementOf(own, own_chances, log_tests);
   if (!(judgement.log_false_alarms < kLogMaxFalseAlarms)) return judgement;
   compareWithRepeats(predictions, reference, longest_period, matcher);
-  return best(own, own_chances, log_tests);
+  return judgementOf(own, own_chances, log_tests);
 }
 
-/// Returns the judgement at the level (limits of distance and error) with the fewest false alarms.
-Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
+Judgement Verdict::judgementOf(const Counts& own, double own_chances, double log_tests) const {
+  Judgement judgement = best(own, own_chances, log_tests, kAboveLargest);
+  judgement.log_by_chance = best(own, own_chances, log_tests, 0.0).log_false_alarms;
+  return judgement;
+}
+
+/// Returns the judgement at the level (limits of distance and error) with the fewest false alarms,
+/// among the levels at which the homography has more than `above` times the matches of every
+/// shifted copy.
+Judgement Verdict::best(const Counts& own, double own_chances, double log_tests,
+                        double above) const {
   Judgement judgement;
   judgement.matched = static_cast<std::size_t>(own.back());
   judgement.log_false_alarms = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < own.size(); ++k) {
     const Chance chance = chanceAt(k);
     const double mean = chance.rate * own_chances;
-    const bool is_unique = own[k] > kAboveLargest * largest_[k] * own_chances;
+    const bool is_unique = own[k] > above * largest_[k] * own_chances;
     const double log_chance = logChance(own[k] - 4.0, mean, chance.spread);
     if (!is_unique || log_tests + log_chance >= judgement.log_false_alarms) continue;
     judgement.support = static_cast<std::size_t>(own[k]);
@@ -241,10 +251,18 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   return chance;
 }
 
+double agreement(const Grown& rival, const Grown& grown) {
+  std::size_t agreeing = 0;
+  for (std::size_t i = 0; i < rival.pairs.size(); ++i) {
+    agreeing +=
+        reprojectionError(grown.map, rival.pairs.reference[i], rival.pairs.target[i]) < kElsewhere;
+  }
+  return static_cast<double>(agreeing) / static_cast<double>(rival.pairs.size());
+}
+
 bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
                  std::vector<std::uint8_t>& covered) {
   constexpr double kDeviations = 2.0;  // in standard deviations; a larger difference is significant
-  constexpr double kElsewhere = 10.0;  // px; smaller errors contradict nothing
   // The rival contradicts only if more than 1 / kShare of its matches contradict `grown`.
   constexpr std::size_t kShare = 4;
   constexpr double kSide = 32.0;  // side of a cell, px

@@ -31,6 +31,10 @@ struct Judgement {
   double by_chance = 0.0;  ///< the support that chance alone is expected to give
   double log_false_alarms =
       0.0;  ///< log10 of the expected number of homographies that are as good by chance
+  /// The same number without the demand that no shifted copy of the homography has nearly as many
+  /// matches. If only this number is low, the matches are not due to chance, but the scene repeats
+  /// itself, and the matches do not show which of the shifted copies is right.
+  double log_by_chance = 0.0;
 };
 
 /// Decides whether a homography has more matches than chance explains.
@@ -86,7 +90,8 @@ class Verdict {
     double spread;  // variance, divided by the variance of a Poisson distribution
   };
   Chance chanceAt(std::size_t k) const;
-  Judgement best(const Counts& own, double own_chances, double log_tests) const;
+  Judgement best(const Counts& own, double own_chances, double log_tests, double above) const;
+  Judgement judgementOf(const Counts& own, double own_chances, double log_tests) const;
   /// Finds repetitions of the scene, such as windows of a facade or lines of letters. Repetitions
   /// are the most frequent displacements, at most 16, from a predicted keypoint to similar target
   /// keypoints up to 120 px away. Displacements of up to 10 px are left out.
@@ -125,6 +130,9 @@ struct Grown {
   // True if growFromRepeats() has already tried the `repeats` of this homography.
   bool grew_from_repeats = false;
 };
+
+/// Returns the share of the matches of `rival` that agree with `grown` (error below 10 px), 0..1.
+double agreement(const Grown& rival, const Grown& grown);
 
 /// Returns true if `rival` is a serious alternative to `grown`. In a repetitive scene, a wrong
 /// homography can have many matches: a facade also fits itself after a shift by one window, and a

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "growth/shift_votes.h"
+#include "growth/single_details.h"
 #include "growth/verdict.h"
 #include "homography/transform.h"
 #include "homography/verdict.h"
@@ -122,6 +123,7 @@ class Chain {
   bool runAlignment(Context& context, StageResult& stage);
 
   std::optional<GrowthStart> doubtful(const Context& context);
+  bool agreesWithDetails(const Context& context);
   bool adopt(const UncertainHomography& candidate, Context& context);
   void setAnswer(const ProsacResult& found, Context& context);
 
@@ -135,6 +137,7 @@ class Chain {
   homography::HomographyVerdict verdict_;
   growth::ShiftVotes shifts_;
   matching::Neighbours neighbours_;
+  growth::SingleDetails details_;
   matching::Standing standing_;
   PointPairs pairs_;       // the matches that passed GMS
   ProsacResult labelled_;  // labels (inlier or not) of the pairs for a candidate homography
@@ -337,7 +340,7 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
     if (context.hints.prediction) return std::nullopt;
     shifts_.count(result.prosac.answer.homography, pairs_, context.target.image_size);
-    if (!shifts_.isRivalled()) return std::nullopt;
+    if (!shifts_.isRivalled() && agreesWithDetails(context)) return std::nullopt;
   }
   GrowthStart start;
   start.homography = result.prosac.answer.homography;
@@ -346,6 +349,18 @@ std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   }
   start.centre /= static_cast<double>(inliers);
   return start;
+}
+
+/// Returns false if the scene repeats itself and PROSAC's homography contradicts the details that
+/// exist once (see SingleDetails). It is not tested if more than a quarter of the matches agree
+/// with it: on drawn pages, a shift by a period had at most 14 % of them.
+bool Chain::agreesWithDetails(const Context& context) {
+  constexpr double kOneIn = 4.0;
+  const growth::ShiftVotes::Peak& own = shifts_.own();
+  if (!shifts_.isRepetitive() || kOneIn * own.votes > own.seen) return true;
+  details_.setFrames(context.reference, context.target);
+  const auto found = details_.count(context.result.prosac.answer.homography);
+  return !found || !found->contradict();
 }
 
 /// If PROSAC found no homography or a doubtful one, grows homographies, provided that the whole

@@ -32,5 +32,8 @@ int main(int argc, char** argv) {
     right = right && apart.found == 0 && related.wrong == 0 &&
             (!is_same_scale || related.found >= 0.95 * related.pairs);
   }
+  const PageCounts apart = countPages(0.0, first, last, Scan{}, kHeldBackPages);
+  std::printf("held back, only symbols in common: %d of %d found\n", apart.found, apart.pairs);
+  right = right && apart.found == 0;
   return right ? 0 : 1;
 }
