@@ -3,9 +3,13 @@
 #include <map>
 #include <set>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
+#include "parameters/near_name.h"
 #include "parameters/options.h"
 #include "tools/parameter_file.h"
+#include "util/format.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -17,6 +21,14 @@ bool obeys(Scope scope, const ParameterRow& row) {
                                                  "search_radius", "views"};
   if (of_sequence.count(row.name) != 0) return scope == Scope::sequence;
   return row.name == "threads" || row.group == "method" || row.group.rfind("stage_", 0) == 0;
+}
+
+std::vector<std::string> namesOf(Scope scope) {
+  std::vector<std::string> names;
+  for (const ParameterRow& row : parameterRows()) {
+    if (obeys(scope, row)) names.push_back(row.name);
+  }
+  return names;
 }
 
 std::string textOf(const ParameterRow& row, const py::handle& given) {
@@ -55,10 +67,11 @@ Parameters parametersFrom(const Settings& settings, Scope scope) {
     const auto name = key.cast<std::string>();
     const ParameterRow* const row = findParameter(name);
     if (row == nullptr || !obeys(scope, *row)) {
-      throw std::invalid_argument(name +
-                                  " is not a parameter of this object; doc/parameters.md lists "
-                                  "them: method, stage_1 to stage_7, threads" +
-                                  (scope == Scope::sequence ? ", and those of the reference" : ""));
+      const std::vector<std::string> names = namesOf(scope);
+      throw std::invalid_argument(name + " is not a parameter of this object" +
+                                  hintOnName(name, names) +
+                                  "; expected one of these (doc/parameters.md describes them): " +
+                                  util::joined(names, ", "));
     }
     setParameter(*row, textOf(*row, value), parameters);
   }

@@ -617,7 +617,10 @@ int run(int argc, char** argv) {
                          "The parameter threads is the number of images processed in parallel; its "
                          "default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
-  if (const auto code = tools::parse(app, argc, argv)) return *code;
+  const auto code = tools::parse(app, argc, argv,
+                                 "a pattern of images goes in quotes ('folder/*.png'), because "
+                                 "the shell replaces one without them by the names of the files");
+  if (code) return *code;
   refuseIdleOptions(app, arguments);
   completeViewOptions(app, arguments.views);
   arguments.motion.config.calibration = arguments.parameters.calibration;

@@ -10,7 +10,9 @@
 #include <utility>
 
 #include "homography/transform.h"
+#include "parameters/near_name.h"
 #include "tools/parameter_file.h"
+#include "util/counted.h"
 #include "util/format.h"
 
 namespace ktgp_orb::tools {
@@ -162,6 +164,30 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
   return std::visit([&](auto field) { return nlohmann::json(parameters.*field); }, row.field);
 }
 
+/// Says which words of the command line nothing takes: options, or else more names than expected.
+std::string whatIsTooMuch(const CLI::App& app, const std::string& on_many_names) {
+  const std::vector<std::string> words = app.remaining();
+  const auto option = std::find_if(words.begin(), words.end(), [](const std::string& word) {
+    return word.size() > 1 && word.front() == '-';
+  });
+  std::vector<std::string> options;
+  std::vector<std::string> expected;
+  std::size_t names = words.size();
+  for (const CLI::Option* const each : app.get_options()) {
+    for (const std::string& name : each->get_lnames()) options.push_back("--" + name);
+    if (!each->get_positional()) continue;
+    expected.push_back(each->get_name(true));
+    names += each->count();
+  }
+  if (option != words.end()) {
+    const std::string name = option->substr(0, option->find('='));
+    return "This option was not expected: " + name + hintOnName(name, options);
+  }
+  return "expected " + (expected.empty() ? "only options" : util::joined(expected, " and ")) +
+         ", but " + util::counted(names, "name") + " came" +
+         (on_many_names.empty() ? "" : "; " + on_many_names);
+}
+
 }  // namespace
 
 void addParameterOptions(CLI::App& app, Parameters& parameters) {
@@ -266,7 +292,7 @@ void hideRareOptions(CLI::App& app) {
              " parameters (doc/parameters.md).\n\n" + app.get_footer());
 }
 
-std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+std::optional<int> parse(CLI::App& app, int argc, char** argv, const std::string& on_many_names) {
   app.name(std::filesystem::path(argv[0]).filename().string());
   app.set_help_flag("-h,--help,--help-all",
                     "print this help, or the help for all options, and exit");
@@ -277,6 +303,8 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
     std::vector<std::string> words = completed(argc, argv);
     std::reverse(words.begin(), words.end());  // CLI11 expects the reversed order
     app.parse(std::move(words));
+  } catch (const CLI::ExtrasError& error) {
+    return app.exit(CLI::Error(error.get_name(), whatIsTooMuch(app, on_many_names))) == 0 ? 0 : 2;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }

@@ -61,8 +61,10 @@ CLI::Validator numberIn(const Limits& range);
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
 /// Parses the command line. Returns nothing if the program should continue, otherwise the exit
-/// code: 0 after --help or --version, 2 if the command line is unusable.
-std::optional<int> parse(CLI::App& app, int argc, char** argv);
+/// code: 0 after --help or --version, 2 if the command line is unusable. `on_many_names`: what may
+/// be the cause of more names of files than the program takes; empty: nothing to add.
+std::optional<int> parse(CLI::App& app, int argc, char** argv,
+                         const std::string& on_many_names = "");
 
 /// Makes the plan of input and output files from all values of the command line. Call this after
 /// parse().

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "parameters/near_name.h"
+
 namespace ktgp_orb::tools {
 namespace {
 
@@ -50,6 +52,12 @@ YAML::Node parametersIn(YAML::Node node) {
   return node;
 }
 
+std::vector<std::string> namesOfParameters() {
+  std::vector<std::string> names;
+  for (const ParameterRow& row : parameterRows()) names.push_back(row.name);
+  return names;
+}
+
 void readYaml(const std::string& text, Parameters& parameters) {
   // image_transport and queue_size concern the input of the node; params and preset are arguments
   // of the launch files. As parameters, none of them changes the results, so skip them.
@@ -61,7 +69,10 @@ void readYaml(const std::string& text, Parameters& parameters) {
     // A map is a group of dynamic_reconfigure or holds the parameters of a plugin: skip it, too.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
-    if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
+    if (row == nullptr) {
+      throw std::invalid_argument("there is no parameter " + name +
+                                  hintOnName(name, namesOfParameters()));
+    }
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
     const bool quoted = entry.second.Tag() == "!";
     if (quoted && !std::holds_alternative<std::string Parameters::*>(row->field)) {

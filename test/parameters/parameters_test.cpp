@@ -6,8 +6,11 @@
 #include <limits>
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
+#include "parameters/near_name.h"
 #include "parameters/options.h"
 #include "refusal.h"
 
@@ -148,6 +151,22 @@ TEST(Parameters, NanIsRefusedWhereverThereIsANumber) {
     }
   }
   EXPECT_GE(numbers, 8);
+}
+
+TEST(NearName, IsTheOneWithTheFewestChangesAndAnyCase) {
+  const std::vector<std::string> names = {"T_w", "T_G", "features", "gms", "gms_rotation"};
+  EXPECT_EQ(hintOnName("t_w", names), "; did you mean T_w?");
+  EXPECT_EQ(hintOnName("TG", names), "; did you mean T_G?");
+  EXPECT_EQ(hintOnName("faetures", names), "; did you mean features?");
+  EXPECT_EQ(hintOnName("gms-rotation", names), "; did you mean gms_rotation?");
+}
+
+TEST(NearName, NamesWithLittleInCommonAreNoHint) {
+  for (const char* name : {"", "x", "lazy", "threads"}) {
+    EXPECT_EQ(hintOnName(name, {"T_w", "features", "gms"}), "") << name;
+  }
+  EXPECT_EQ(hintOnName(std::string(1000, 'f'), {std::string(1000, 'f')}), "");
+  EXPECT_EQ(hintOnName("features", {}), "");
 }
 
 TEST(Parameters, NamesAreUniqueAndEveryOneReadsBack) {

@@ -362,7 +362,10 @@ class ModuleTest(unittest.TestCase):
             (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2; expected a number in'),
             (lambda: ktgp.match(grey, grey, T_w='x'), 'T_w is'),
             (lambda: ktgp.match(grey, grey, features=1.5), 'features is 1.5'),
-            (lambda: ktgp.match(grey, grey, lazy=True), 'lazy is not a parameter of this object'),
+            (lambda: ktgp.match(grey, grey, t_w=0.7), 't_w is not a parameter of this object; did you mean T_w?; '
+             'expected one of these (doc/parameters.md describes them): T_w, T_G, features, '),
+            (lambda: ktgp.match(grey, grey, lazy=True), 'lazy is not a parameter of this object; expected one of'),
+            (lambda: ktgp.Sequence(reference_moed='fixed'), 'did you mean reference_mode?'),
             (lambda: ktgp.Matcher(reference_mode='fixed'), 'reference_mode is not a parameter'),
             (lambda: ktgp.Sequence(reference_mode='last'), 'reference_mode is last'),
             (lambda: ktgp.Sequence().match(grey, float('nan')), ''),

@@ -43,6 +43,12 @@ class BagInputsTest(FolderCase):
     def output(self, topic):
         return messages_of(self.path('out.bag'), '/front/matcher/' + topic)
 
+    def test_a_pattern_without_quotes_is_named_with_the_number_of_its_images(self):
+        names = ['seq/%d.png' % i for i in range(5)]
+        run = self.run_bag(names[0], *names[1:], '--csv', 'out.csv', code=2,
+                           words=('expected IN and OUT.bag, but 6 names came', "in quotes ('folder/*.png')"))
+        self.assertNotIn('seq/3.png', run)
+
     def test_a_compressed_topic_gives_the_names_of_the_nodelet(self):
         self.run_bag(self.write_bag(topic='/front/image/compressed', convert=compressed))
         with rosbag.Bag(self.path('out.bag')) as bag:

@@ -32,6 +32,9 @@ class KtgpFind(ToolCase):
             self.assertAlmostEqual(y, right_y, delta=0.3)
         self.assertGreater((self.folder / "out.png").stat().st_size, 1000)
 
+    def test_more_than_one_image_is_counted(self):
+        self.find("scene.pgm", "other.pgm", "posters", code=2, words="expected IMAGE and TARGETS, but 3 names came\n")
+
     def test_pictures_of_colours_are_drawn_in_colour(self):
         grey = cv2.imread(self.path("scene.pgm"), cv2.IMREAD_GRAYSCALE)
         self.assertTrue(cv2.imwrite(self.path("scene.png"), cv2.merge([grey, grey, grey // 2])))

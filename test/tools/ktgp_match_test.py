@@ -34,6 +34,18 @@ class KtgpMatch(PairCase):
         error = float(re.search(r"corner error against the ground truth: (\S+) px", run.stdout).group(1))
         self.assertLess(error, 3.0)
 
+    def test_a_misspelt_parameter_has_the_nearest_name_in_the_message(self):
+        for word, meant in (("--t_w", "--T_w"), ("--ground_truth=H.txt", "--ground-truth"), ("--featurs", "--features")):
+            self.match("a.pgm", "b.pgm", word, "0.7", code=2,
+                       words=f"not expected: {word.split('=')[0]}; did you mean {meant}?\n")
+        self.assertNotIn("did you mean", self.match("a.pgm", "b.pgm", "--nonsense", code=2).stderr)
+        self.write("mine.yaml", "t_g: 3\n")
+        self.match("a.pgm", "b.pgm", "--params", "mine.yaml", code=2,
+                   words="mine.yaml: there is no parameter t_g; did you mean T_G?\n")
+
+    def test_more_than_two_images_are_counted(self):
+        self.match("a.pgm", "b.pgm", "c.pgm", "d.pgm", code=2, words="expected A and B, but 4 names came\n")
+
     def test_the_uncertainty_of_the_corners_is_said_and_a_large_one_warned_of(self):
         sharp = self.match_photos("a.pgm", "b.pgm")
         deviation = r"standard deviation of the least certain corner of what both show: (\S+) px"
