@@ -36,9 +36,8 @@ std::string hintOnName(const std::string& name, const std::vector<std::string>& 
   // A longer text is no name. Its comparison would only take long.
   constexpr std::size_t kLongest = 100;
   if (name.size() > kLongest) return "";
-  // The limit is one change for three letters: with more, many words are near to names that have
-  // nothing to do with them.
-  std::size_t fewest = std::max<std::size_t>(1, name.size() / 3) + 1;
+  // The limit is one change for four letters: with one for three, max_latency is like max_rate.
+  std::size_t fewest = std::max<std::size_t>(1, name.size() / 4) + 1;
   std::string nearest;
   for (const std::string& known : names) {
     const std::size_t changes = changesBetween(inSmallLetters(name), inSmallLetters(known));

@@ -166,6 +166,7 @@ TEST(NearName, NamesWithLittleInCommonAreNoHint) {
     EXPECT_EQ(hintOnName(name, {"T_w", "features", "gms"}), "") << name;
   }
   EXPECT_EQ(hintOnName(std::string(1000, 'f'), {std::string(1000, 'f')}), "");
+  EXPECT_EQ(hintOnName("--max_latency", {"--max_rate"}), "");
   EXPECT_EQ(hintOnName("features", {}), "");
 }
 
