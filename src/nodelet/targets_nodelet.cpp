@@ -6,6 +6,7 @@
 #include <tf2_ros/transform_broadcaster.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/make_shared.hpp>
 #include <functional>
@@ -97,8 +98,12 @@ void TargetsWork::search(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void TargetsWork::report(const TargetDetections& message) {
-  diagnosis_.setProblem("pose",
-                        message.no_pose.empty() ? "" : "a target has no pose: " + message.no_pose);
+  const auto lacks_pose = [](const TargetDetection& target) {
+    return wantsPose(target) && target.has_pose == 0;
+  };
+  const auto& found = message.detections;
+  const bool lacks_one = std::any_of(found.begin(), found.end(), lacks_pose);
+  diagnosis_.setProblem("pose", lacks_one ? "a target has no pose: " + message.no_pose : "");
   std::string ambiguous;
   for (const TargetDetection& target : message.detections) {
     if (target.ambiguity.empty()) continue;

@@ -52,18 +52,33 @@ PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
   }
 }
 
-bool wantsPose(const TargetDetection& message) {
-  const bool wanted = message.width > 0.0 || !message.frame.empty();
-  return message.status == MatchStatus::STATUS_OK && wanted;
-}
-
 /// Name of the tf frame of this detection: instances after the first get a number.
 std::string frameOf(const TargetDetection& target) {
   if (target.instance == 0 || target.frame.empty()) return target.frame;
   return target.frame + "_" + std::to_string(target.instance);
 }
 
+/// Throws std::invalid_argument if the target cannot have a pose: its frame is the camera's, or its
+/// width is not known.
+void requireFrameAndWidth(const TargetDetection& target, const std::string& camera_frame) {
+  const std::string own_frame = frameOf(target);
+  if (own_frame == camera_frame && !own_frame.empty()) {
+    throw std::invalid_argument("the frame of instance " + std::to_string(target.instance) +
+                                " of " + target.id + ", " + own_frame +
+                                ", is the camera's; expected one of its own");
+  }
+  if (target.width > 0.0) return;
+  const std::string frame =
+      target.frame.empty() ? "" : ", which has the frame " + target.frame + ",";
+  throw std::invalid_argument("the width of " + target.id + frame + " is not known");
+}
+
 }  // namespace
+
+bool wantsPose(const TargetDetection& detection) {
+  const bool wanted = detection.width > 0.0 || !detection.frame.empty();
+  return detection.status == MatchStatus::STATUS_OK && wanted;
+}
 
 bool ImageSequence::next(const sensor_msgs::ImageConstPtr& image, const cv::Mat& grey,
                          TargetFinder& finder) {
@@ -102,18 +117,9 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
   std::optional<PixelCamera> camera;
   for (std::size_t i = 0; i < message.detections.size(); ++i) {
     TargetDetection& detection = message.detections[i];
-    if (!wantsPose(detection)) continue;
+    if (detection.status != MatchStatus::STATUS_OK) continue;
     try {
-      const std::string own_frame = frameOf(detection);
-      if (own_frame == camera_frame && !own_frame.empty()) {
-        throw std::invalid_argument("the frame of instance " + std::to_string(detection.instance) +
-                                    " of " + detection.id + ", " + own_frame +
-                                    ", is the camera's; expected one of its own");
-      }
-      if (detection.width <= 0.0) {
-        throw std::invalid_argument("the width of " + detection.id + ", which has the frame " +
-                                    detection.frame + ", is not known");
-      }
+      requireFrameAndWidth(detection, camera_frame);
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
       const PlanarPoses found =
           pose.find(frame.detections[i], camera->camera, camera->lens.get(),
@@ -127,7 +133,7 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
       const PlanarPose& other = found.poses.back();
       detection.other_pose = toMessage(other.target_to_camera, other.covariance);
     } catch (const std::invalid_argument& error) {
-      message.no_pose = error.what();
+      if (wantsPose(detection) || message.no_pose.empty()) message.no_pose = error.what();
     }
   }
 }

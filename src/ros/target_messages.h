@@ -43,9 +43,13 @@ class ImageSequence {
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
                               const std::string& frame_prefix = "");
 
-/// Adds the poses of the targets that have a width or a tf frame. If no pose could be computed,
-/// `no_pose` of the message says why. `info`: calibration of the images; null if none arrived on
-/// `info_topic`.
+/// Returns true if the detection is reliable and its target has a width or a tf frame: whoever gave
+/// these expects a pose.
+bool wantsPose(const TargetDetection& detection);
+
+/// Adds the poses of the targets that have a width. If a target has no pose, `no_pose` of the
+/// message says why; a target for which wantsPose() is true comes first. `info`: calibration of the
+/// images; null if none arrived on `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, TargetPose& pose,
               TargetDetections& message);

@@ -115,6 +115,14 @@ class BagTargetsTest(FolderCase):
             self.assertEqual(message.no_pose, 'no camera_info on /camera/camera_info')
             self.assertFalse(message.detections[0].has_pose)
 
+    def test_says_that_a_target_has_no_width(self):
+        self.write_bag()
+        self.write('targets.yaml', '- {id: mine, image: poster.png}\n')
+        self.run_bag(words='0 of them with a pose; known targets: 1; first reason for no pose: the width of mine is '
+                     'not known')
+        for message in self.detections():
+            self.assertEqual(message.no_pose, 'the width of mine is not known')
+
     def test_images_in_files_have_no_calibration(self):
         for i, picture in enumerate(FRAMES):
             cv2.imwrite(self.path('frame%d.png' % i), picture)

@@ -168,6 +168,15 @@ class TargetsTest(TargetsCase):
         message = self.send(picture)
         self.assertFalse(message.detections[0].has_pose)
         self.assertEqual(message.no_pose, 'the width of poster, which has the frame poster, is not known')
+        self.diagnostics.wait_for_words('a target has no pose: the width of poster', lambda: self.send(picture))
+        # Without a frame, too, nobody may want a pose: a reason, but no warning.
+        self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 0.0, '')
+        message = self.send(picture)
+        self.assertFalse(message.detections[0].has_pose)
+        self.assertEqual(message.no_pose, 'the width of poster is not known')
+        seen = len(self.diagnostics.messages())
+        wait_until(lambda: self.send(picture) and self.diagnostics.of('targets', seen), 'a report comes')
+        self.assertEqual([s.message for s in self.diagnostics.of('targets', seen) if 'pose' in s.message], [])
 
     def test_detects_in_the_image_of_a_request(self):
         request = image_message(rendered(K), rospy.Time(7))
