@@ -58,6 +58,19 @@ class KtgpMatch(PairCase):
             warning = re.search(r"\nwarning: uncertain where there are no inliers: they cover \d+ %", run.stdout)
             self.assertEqual(bool(warning), is_uncertain, run.stdout)
 
+    def test_a_homography_of_a_scene_with_depth_is_warned_of(self):
+        """Blur costs a plane matches, too, but not to a scene with depth."""
+        first = self.grey("a.pgm")
+        K = np.array([[0.8 * WIDTH, 0, WIDTH / 2], [0, 0.8 * WIDTH, HEIGHT / 2], [0, 0, 1]])
+        self.write_image("depth.png", two_depths(first, K, 0.25, np.array([-0.95, 0.1, 0.2])))
+        self.write_image("blurred.png", cv2.GaussianBlur(self.grey("b.pgm"), (0, 0), 3.0))
+        for name, is_warned in (("depth.png", True), ("b.pgm", False), ("blurred.png", False)):
+            run = self.match_photos("a.pgm", name, prints="homography A -> B")
+            warning = re.search(r"\nwarning: the scene is no plane: (\d+) matches .*, (\d+) with this", run.stdout)
+            self.assertEqual(bool(warning), is_warned, run.stdout)
+            if warning:
+                self.assertGreater(int(warning.group(1)), 1.3 * int(warning.group(2)))
+
     def test_corners_outside_the_target_do_not_count(self):
         """Beyond the border of the target, the homography of a cut-out is extrapolated."""
         self.write_image("part.png", self.grey("a.pgm")[40:200, 60:260])
