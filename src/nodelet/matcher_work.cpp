@@ -90,7 +90,12 @@ void MatcherWork::report(const SequenceMatch& match) {
                                                : "",
                         false);
   diagnosis_.setProblem("lens", lensProblem(match));
-  diagnosis_.setProblem("camera", cameraProblem(match), false);
+  // A frame without a reference has no geometry, and when the first one comes, camera_info may be
+  // on its way. If a camera_info cannot be used, its arrival has logged the reason.
+  if (has_reference) {
+    diagnosis_.setProblem("camera", cameraProblem(match),
+                          matcher_.configuration().camera_problem.empty());
+  }
   if (!has_reference)
     diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
   diagnosis_.setValue("views of the reference", toString(matcher_.viewsState()));

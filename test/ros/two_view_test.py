@@ -10,7 +10,8 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import FAR, NEAR, OVER_A_PLANE, MatcherCase, tilted_plane, two_depths, view, wait_until, write_bag
+from ktgp_testing import (FAR, NEAR, OVER_A_PLANE, Log, MatcherCase, tilted_plane, two_depths, view, wait_until,
+                          write_bag)
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
@@ -18,6 +19,7 @@ from sensor_msgs.msg import CameraInfo
 DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
 DISTANCE = 0.3
 FIRST = view(100, 100)
+NO_MOTION = 'there is no motion of the camera: no camera_info'
 SECOND = two_depths(FIRST, K, DISTANCE, DIRECTION)
 
 
@@ -46,13 +48,17 @@ class TwoViewTest(MatcherCase):
 
     def test_2_without_camera_info_it_is_the_fundamental_matrix(self):
         self.client.update_configuration({'geometry': 'auto', 'mutual': True, 'gms': False, 'T_w': 1.0})
+        log = Log(self)
         self.match()
         found = self.two_view.wait_for(self.match())
         self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
         self.assertFalse(found.has_pose)
+        log.wait_for_words(NO_MOTION)
+        self.match()
+        self.assertEqual(len(log.with_words(NO_MOTION)), 1)
         self.assertAlmostEqual(np.linalg.norm(found.fundamental), 1.0, 6)
         self.assertEqual(self.points.messages(), [])
-        self.diagnostics.wait_for_words('there is no motion of the camera: no camera_info', self.match)
+        self.diagnostics.wait_for_words(NO_MOTION, self.match)
 
     def test_3_camera_info_gives_the_motion_and_the_scene(self):
         self.info.publish(information())
