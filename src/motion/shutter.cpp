@@ -1,12 +1,12 @@
 #include "motion/shutter.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "homography/transform.h"
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::motion {
 namespace {
@@ -97,7 +97,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
     ++count;
   }
   if (count < 8) return Vector8::Zero();
-  const Vector8 change = information.ldlt().solve(sum);
+  const Vector8 change = util::times(util::inverseOf(information), sum);
   return change.allFinite() ? change : Vector8::Zero();
 }
 
@@ -118,11 +118,11 @@ void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   // Approximate largest eigenvalue of change_ if all changes are noise (Marchenko and Pastur).
   const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
   changes_ = std::min(changes_ + 1.0, kMemory);
-  const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);
-  const Vector8 gain = axes.eigenvalues().unaryExpr(
+  const util::Eigenpairs axes = util::eigenpairsOf(change_);
+  const Vector8 gain = axes.values.unaryExpr(
       [=](double square) { return square > of_noise ? 1.0 - 1.0 / square : 0.0; });
-  flow_ += root.matrixL() *
-           (axes.eigenvectors() * gain.cwiseProduct(axes.eigenvectors().transpose() * change));
+  const Vector8 along = util::times(axes.vectors.transpose(), change);
+  flow_ += root.matrixL() * Vector8(util::times(axes.vectors, gain.cwiseProduct(along)));
 }
 
 }  // namespace ktgp_orb::motion

@@ -1,14 +1,14 @@
 #include "two_view/epipolar.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "util/small_matrix.h"
 
 namespace ktgp_orb::two_view {
 namespace {
@@ -372,8 +372,7 @@ double EpipolarFit::instability(const Epipolar& geometry, double cell,
   constexpr int kGroups = 4;
   constexpr std::size_t kColumns = homography::PointArrays<double>::kCellColumns;
   constexpr double kLost = 25.0;  // squared change if the remaining pairs do not determine a motion
-  const Eigen::Matrix<double, 6, 6> inverse =
-      Eigen::Matrix<double, 6, 6>(covariance).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Matrix<double, 6, 6> inverse = util::pseudoInverseOf(covariance);
   problem_.pairs->refinement.findCells(2.0 * cell, cell_);
   group_.resize(cell_.size());
   for (std::size_t i = 0; i < cell_.size(); ++i) {

@@ -1,6 +1,5 @@
 #include "two_view/motions.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -86,8 +85,9 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
   for (int i = 0; i < 2; ++i) set(3 + i, length * around.col(i) * motion.normal.transpose());
   set(5, motion.translation * motion.normal.transpose());
   for (int i = 0; i < 2; ++i) set(6 + i, motion.translation * tilts.col(i).transpose());
-  const Eigen::Matrix<double, 8, 8> back = by_motion.inverse();
-  const Eigen::Matrix<double, 8, 8> covariance = back * of_homography * back.transpose();
+  const util::SmallMatrix back =
+      util::leastSquares(by_motion, util::SmallMatrix::Identity(8, 8)).solution;
+  const Eigen::Matrix<double, 8, 8> covariance = util::propagated(back, of_homography);
   return poseCovariance(covariance.topLeftCorner<5, 5>(), direction);
 }
 
@@ -107,7 +107,8 @@ SharedShifts::Columns<8> sharedChanges(const PointPairs& pairs,
   // The entries of a homography differ much in size, so the system is scaled before it is solved.
   const Eigen::Matrix<double, 8, 1> scale = squares.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, 8, 8> scaled = scale.asDiagonal() * squares * scale.asDiagonal();
-  return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * pulls);
+  const util::SmallMatrix inverse = util::inverseOf(scaled);
+  return scale.asDiagonal() * inverse * (scale.asDiagonal() * pulls);
 }
 
 Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,

@@ -680,8 +680,7 @@ bool TwoViewEstimator::Impl::setMotions(const PointPairs& pairs, const TwoViewIn
   result.pose_covariance = own;
   result.fundamental = cameras->fundamentalOf(best).normalized();
   result.probability = 1.0;
-  const Eigen::Matrix<double, 6, 6> inverse =
-      Eigen::Matrix<double, 6, 6>(own).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Matrix<double, 6, 6> inverse = util::pseudoInverseOf(own);
   Covariance6 across_best = Covariance6::Identity();
   across_best.topLeftCorner<3, 3>() -= best.translation * best.translation.transpose();
   for (std::size_t i = 1; i < list.size(); ++i) {

@@ -1,6 +1,7 @@
 #include "util/small_matrix.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
 namespace ktgp_orb::util {
@@ -16,6 +17,15 @@ SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance) {
 SmallMatrix inverseOf(const SmallRef& matrix) {
   return Eigen::LDLT<SmallMatrix>(matrix).solve(
       SmallMatrix::Identity(matrix.rows(), matrix.cols()));
+}
+
+SmallMatrix pseudoInverseOf(const SmallRef& matrix) {
+  return Eigen::CompleteOrthogonalDecomposition<SmallMatrix>(matrix).pseudoInverse();
+}
+
+Eigenpairs eigenpairsOf(const SmallRef& matrix) {
+  const Eigen::SelfAdjointEigenSolver<SmallMatrix> solver(matrix);
+  return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
 std::optional<SmallMatrix> solutionOf(const SmallRef& a, const SmallRef& b, double least) {

@@ -16,6 +16,15 @@ SmallMatrix times(const SmallRef& a, const SmallRef& b);
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
 /// Inverse of a symmetric matrix.
 SmallMatrix inverseOf(const SmallRef& matrix);
+/// Moore-Penrose inverse: directions that the matrix maps to 0 stay 0.
+SmallMatrix pseudoInverseOf(const SmallRef& matrix);
+
+/// Eigenvalues of a symmetric matrix, in ascending order, and its eigenvectors as columns.
+struct Eigenpairs {
+  SmallMatrix values;
+  SmallMatrix vectors;
+};
+Eigenpairs eigenpairsOf(const SmallRef& matrix);
 /// Solves a x = b for each column of b. `a` must be symmetric. Returns nothing unless all pivots of
 /// its decomposition exceed `least`.
 std::optional<SmallMatrix> solutionOf(const SmallRef& a, const SmallRef& b, double least);
@@ -29,7 +38,7 @@ struct LeastSquares {
   /// x|.
   SmallMatrix rest;
 };
-/// Solves a x = b by least squares. `a` must have more rows than columns.
+/// Solves a x = b by least squares. `a` must not have fewer rows than columns.
 LeastSquares leastSquares(const SmallRef& a, const SmallRef& b);
 
 }  // namespace ktgp_orb::util
