@@ -139,7 +139,7 @@ NOT_RUN = {
         'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
         'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly{, fuzz latency, --list}', 'dev/sanitize thread full',
         'dev/mutate{, --refresh, --refresh 15 1, matching/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
-        'scripts/test -L long{, -R {motion,faults,verdict,long_flood,targets_soak}}',
+        'scripts/test -L long{, -R {motion,faults,verdict,long_flood,long_pages,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
         'rostest test/ros/program.test name:=robot_overload args:=--seconds=120',
         'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
