@@ -229,9 +229,12 @@ bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, Target
 
 bool showTheSame(const TargetPicture& known, const TargetPicture& picture) {
   constexpr double kWorthAligning = 0.2;  // least agreement before the alignment
+  // High, because a picture of a few blocks may have most of them in common with another one, such
+  // as the frame of a sign, and too few others for shareThatDiffers().
+  constexpr double kLeastOfWhole = 0.85;
   const Outline whole = outlineOf(picture.image.size(), Eigen::Matrix3d::Identity());
   Appearance appearance;
-  const auto agreementAt = [&](const Eigen::Matrix3d& map) {
+  const auto agreement_at = [&](const Eigen::Matrix3d& map) {
     return appearance.compare(known, map, {{picture.image}}, 1.0).agreement;
   };
   for (int quarters = 0; quarters < 4; ++quarters) {
@@ -239,10 +242,10 @@ bool showTheSame(const TargetPicture& known, const TargetPicture& picture) {
     if (quarters % 2 == 1) std::swap(turned.width, turned.height);
     const Eigen::Matrix3d start =
         homography::resizing(turned, picture.image.size()) * turning(quarters, known.image.size());
-    if (agreementAt(start) < kWorthAligning) continue;
+    if (agreement_at(start) < kWorthAligning) continue;
     const Eigen::Matrix3d map = aligned(known, picture.image, start);
     if (areInOnePlace(outlineOf(known.image.size(), map), whole, kSameOutline) &&
-        agreementAt(map) >= kLeastAgreement &&
+        agreement_at(map) >= kLeastOfWhole &&
         appearance.shareThatDiffers() <= kShareOfAnotherPart) {
       return true;
     }

@@ -234,15 +234,15 @@ const StoredTarget* TargetFinder::Impl::shownIn(const TargetPicture& picture, bo
 /// which needs keypoints; null if there is none.
 const StoredTarget* TargetFinder::Impl::smallTwinOf(const TargetPicture& picture,
                                                     const StoredTarget* replaced) {
-  const auto isTiny = [](const cv::Mat& image) {
+  const auto is_tiny = [](const cv::Mat& image) {
     return std::min(image.cols, image.rows) < SearchedFrame::kSmallSide;
   };
-  if (!isTiny(picture.image)) return nullptr;
+  if (!is_tiny(picture.image)) return nullptr;
   for (const auto& target : store.targets()) {
     if (target.get() == replaced) continue;
     for (const std::uint32_t number : target->pictures) {
       const TargetPicture& known = store.picture(number);
-      if (isTiny(known.image) && targets::showTheSame(known, picture)) return target.get();
+      if (is_tiny(known.image) && targets::showTheSame(known, picture)) return target.get();
     }
   }
   return nullptr;

@@ -503,6 +503,21 @@ TEST(TargetFinder, DifferentSmallFacesAreDifferentTargets) {
   }
 }
 
+/// Such as tags and signs: they differ in their middle part only.
+TEST(TargetFinder, SmallFacesInTheSameFrameAreDifferentTargets) {
+  for (const int side : {60, 75}) {
+    TargetFinder finder;
+    const int border = side / 5;
+    const cv::Rect middle(border, border, side - 2 * border, side - 2 * border);
+    for (std::uint64_t seed = 200; seed < 220; ++seed) {
+      cv::Mat face = smallFace(side, 1);
+      smallFace(side, seed)(middle).copyTo(face(middle));
+      const std::string id = std::to_string(seed);
+      EXPECT_EQ(reasonOf(finder, test::targetOf(id, face)), "") << side << ' ' << id;
+    }
+  }
+}
+
 TEST(TargetFinder, PostersWithTheSameLogoAreTwoTargets) {
   TargetFinder finder;
   Target other = poster(1);
