@@ -11,7 +11,7 @@ namespace ktgp_orb {
 /// matches that the paper calls KT are all matches with a level >= Level::kt.
 enum class Level : std::uint8_t {
   knn = 0,   ///< nearest neighbour; removed by the ratio filter (TF)
-  kt = 1,    ///< passed KNN + TF; removed by GMS
+  kt = 1,    ///< passed KNN + TF; removed by GMS, or by the filter that replaces it
   ktg = 2,   ///< passed KNN + TF + GMS; removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
   /// Inlier of the homography, found by guided matching or growth near the position that the

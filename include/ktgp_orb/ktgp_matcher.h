@@ -37,8 +37,9 @@ struct MatcherOptions {
   /// If true, the ratio filter (TF) also requires that the two features are each other's nearest
   /// neighbours; not in the paper.
   bool mutual = false;
-  /// gms.threshold is the paper's T_G. If GMS is off and `geometry` is not `homography`, a match
-  /// must be confirmed by two matches near it, and GmsResult::low_support counts the others.
+  /// gms.threshold is the paper's T_G. If GMS and growth are off and `geometry` is not
+  /// `homography`, a match must be confirmed by two matches near it, and GmsResult::low_support
+  /// counts the others.
   GmsOptions gms;
   ProsacOptions prosac;
   GrowthOptions growth;

@@ -256,12 +256,13 @@ bool Chain::runRatio(Context& context, StageResult& stage) {
 }
 
 /// Without GMS, the two-view geometry needs another filter: in difficult scenes, nine of ten
-/// matches are wrong, and then neither the alignment nor PROSAC works.
+/// matches are wrong, and then neither the alignment nor PROSAC works. Growth has votes of its own,
+/// and its doubts about a homography count all matches.
 bool Chain::runGms(Context& context, StageResult& stage) {
   MatchResult& result = context.result;
   stage.input = result.stage(StageId::tf)->output;
   result.gms = gms_.filter(context.reference, context.target, result.correspondences);
-  if (hasTwoView(options) && !options.gms.enabled) {
+  if (hasTwoView(options) && !options.gms.enabled && !options.growth.enabled) {
     result.gms.low_support =
         neighbours_.drop(context.reference, context.target, result.correspondences);
     result.gms.kept -= result.gms.low_support;
@@ -330,7 +331,7 @@ bool Chain::runProsac(Context& context, StageResult& stage) {
 /// Returns PROSAC's homography if it is doubtful, otherwise an empty value. It is doubtful if few
 /// matches agree with it, since a repetitive structure, such as the windows of a house, may have
 /// misled PROSAC. If there is no prediction, it is also doubtful if the matches show that the
-/// structure repeats (see ShiftVotes).
+/// structure repeats (see ShiftVotes), or if it contradicts the details that exist once.
 std::optional<GrowthStart> Chain::doubtful(const Context& context) {
   constexpr std::size_t kFew = 50;
   // A homography with few inliers is doubtful if they are less than 1 / kOneIn of the matches.

@@ -67,6 +67,19 @@ TEST(Neighbours, KeepTheRightMatchesOfTurnedAndOfLargeImages) {
   }
 }
 
+/// A match needs two others, also after a call with many matches.
+TEST(Neighbours, DropOneOrTwoMatchesAlone) {
+  matching::Neighbours neighbours;
+  for (const std::size_t count :
+       {kRight + kWrong, std::size_t{2}, std::size_t{1}, std::size_t{0}}) {
+    Frames frames({640, 480}, 0.0);
+    frames.matches.resize(count);
+    const std::size_t dropped = neighbours.drop(frames.reference, frames.target, frames.matches);
+    if (count > 2) continue;
+    EXPECT_EQ(dropped, count);
+  }
+}
+
 TEST(Neighbours, LeaveMatchesOfOtherLevelsAlone) {
   Frames frames({640, 480}, 0.0);
   for (Correspondence& c : frames.matches) c.level = Level::knn;
