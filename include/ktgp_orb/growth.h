@@ -52,8 +52,8 @@ struct GrowthResult {
   /// The supporting matches whose reference keypoint belongs to the reference image itself, not to
   /// a simulated view. They are in target order and have Level::guided.
   std::vector<Correspondence> matches;
-  /// Number of pairs that support the most significant homography. At most one pair in each square
-  /// of 12x12 px counts.
+  /// Number of pairs that support the answer or, without one, the most significant homography. At
+  /// most one pair in each square of 12x12 px counts.
   std::size_t support = 0;
   /// Number of supporting pairs expected by chance, measured with decoys (see HomographyGrowth).
   double by_chance = 0.0;

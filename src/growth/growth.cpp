@@ -127,6 +127,7 @@ struct HomographyGrowth::Impl {
   bool isBacked(std::size_t i, bool& repeats);
   bool isRival(std::size_t other, std::size_t one);
   void choose(GrowthResult& result);
+  static void describe(const growth::Judgement& judgement, GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
 
   GrowthOptions options;
@@ -421,9 +422,7 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   sortGrown();
   if (order.empty()) return;
   const growth::Judgement& judgement = grown[order.front()].judgement;
-  result.support = judgement.support;
-  result.by_chance = judgement.by_chance;
-  result.log_false_alarms = judgement.log_false_alarms;
+  describe(judgement, result);
   if (start_place < grown_count) {
     const growth::Judgement& of_start = grown[start_place].judgement;
     bool repeats = false;
@@ -443,6 +442,12 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   }
 }
 
+void HomographyGrowth::Impl::describe(const growth::Judgement& judgement, GrowthResult& result) {
+  result.support = judgement.support;
+  result.by_chance = judgement.by_chance;
+  result.log_false_alarms = judgement.log_false_alarms;
+}
+
 /// Refines the chosen homography by maximum likelihood and stores it with its pairs. Returns false,
 /// without a result, if the fit fails or `whole_view` does not trust the homography.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
@@ -456,6 +461,9 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     result.pairs.clear();
     return false;
   }
+  describe(chosen.judgement, result);
+  // A shifted copy has nearly as many matches, but other evidence has refused it.
+  if (growth::isRepeated(chosen)) result.log_false_alarms = chosen.judgement.log_by_chance;
   result.answer = estimate;
   // Keypoints with the index own_size or higher belong to simulated views.
   const auto own = static_cast<std::int32_t>(own_size);

@@ -32,7 +32,8 @@ class SingleDetails {
   struct Count {
     double seen, found;
     double share() const { return found / std::max(seen, 1.0); }
-    /// Returns true if the homography contradicts the single details: fewer than a tenth are found.
+    /// Returns true if the homography contradicts the single details: less one standard deviation,
+    /// fewer than a tenth are found. Of a few details, one or two that are found are not enough.
     bool contradict() const;
     /// Returns true if the single details alone show that the homography is right: at least a
     /// fifth are found.
