@@ -80,14 +80,19 @@ TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
   addPoses(frame, grey.size(), info_ ? &*info_ : nullptr, info_topic_, pixels_, pose_, *message);
   ++frames_;
   std::size_t found = 0;
+  bool is_missed = false;  // a target that should have a pose has none
   for (const TargetDetection& detection : message->detections) {
     if (detection.status != MatchStatus::STATUS_OK) continue;
     ++found;
     if (detection.has_pose != 0) ++poses_;
+    is_missed |= wantsPose(detection) && detection.has_pose == 0;
   }
   found_ += found;
   if (found > 0) ++seen_;
-  if (no_pose_.empty()) no_pose_ = message->no_pose;
+  if (no_pose_.empty() || (is_missed && !no_pose_is_missed_)) {
+    no_pose_ = message->no_pose;
+    no_pose_is_missed_ = is_missed;
+  }
   return message;
 }
 

@@ -63,7 +63,10 @@ class BagTargets {
   std::size_t seen_ = 0;  // number of frames in which a target was found
   std::size_t found_ = 0;
   std::size_t poses_ = 0;
-  std::string no_pose_;  // reason why a target had no pose, for the first such target
+  // Reason why a target had no pose, for the first such target, or for the first one that should
+  // have a pose, because it has a width or a frame.
+  std::string no_pose_;
+  bool no_pose_is_missed_ = false;  // true if no_pose_ is for a target that should have a pose
 };
 
 }  // namespace ktgp_orb::tools

@@ -166,7 +166,8 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
 
 /// Says which words of the command line nothing takes: options, or else more names than expected.
 std::string whatIsTooMuch(const CLI::App& app, const std::string& on_many_names) {
-  const std::vector<std::string> words = app.remaining();
+  std::vector<std::string> words = app.remaining();
+  words.erase(std::remove(words.begin(), words.end(), "--"), words.end());  // the mark before names
   const auto option = std::find_if(words.begin(), words.end(), [](const std::string& word) {
     return word.size() > 1 && word.front() == '-';
   });

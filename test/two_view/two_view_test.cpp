@@ -531,8 +531,7 @@ TEST(TwoView, SaysThatARegionMayMove) {
   EXPECT_GE(said, travelled * 97 / 100);  // 186 of 186 when the bound was set
 }
 
-/// The bonnet stands still in the lower part of the image, while the car and its camera turn. What
-/// is claimed without a doubt is within its covariance.
+/// The bonnet stands still in the lower part of the image, while the car and its camera turn.
 TEST(TwoView, SaysThatABonnetMayMove) {
   Numbers numbers(38);
   TwoViewEstimator estimator;
@@ -558,6 +557,7 @@ TEST(TwoView, SaysThatABonnetMayMove) {
     certain += result.doubt == Doubt::none;
   }
   std::printf("%d of %d seem to travel, %d said, %d certain\n", travelled, kRuns, said, certain);
+  EXPECT_GE(travelled, kRuns / 3);
   EXPECT_GE(said, travelled * 85 / 100);
   EXPECT_LE(certain, kRuns / 100);
 }

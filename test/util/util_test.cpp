@@ -280,5 +280,39 @@ TEST(SmallMatrix, TheRestIsTheRightSideLessTheFit) {
   EXPECT_NEAR(found.rest(1, 0), -5.0, kRounding);
 }
 
+TEST(SmallMatrix, LeastSquaresOfASquareMatrixSolvesExactly) {
+  Random random;
+  const MatrixXd a = random.matrix(8, 8);
+  const LeastSquares found = leastSquares(a, MatrixXd::Identity(8, 8));
+  EXPECT_LT(difference(a * found.solution, MatrixXd::Identity(8, 8)), kRounding);
+  EXPECT_EQ(found.rest.rows(), 0);
+}
+
+/// The four conditions of Moore and Penrose.
+TEST(SmallMatrix, ThePseudoInverseLeavesOutWhatTheMatrixMapsToZero) {
+  Random random;
+  for (const int rank : {1, 4, 6}) {
+    const MatrixXd root = random.matrix(6, rank);
+    const MatrixXd a = root * root.transpose();
+    const MatrixXd inverse = pseudoInverseOf(a);
+    EXPECT_LT(difference(a * inverse * a, a), 1e-8) << rank;
+    EXPECT_LT(difference(inverse * a * inverse, inverse), 1e-8) << rank;
+    EXPECT_LT(difference((a * inverse).transpose(), a * inverse), 1e-8) << rank;
+    EXPECT_LT(difference((inverse * a).transpose(), inverse * a), 1e-8) << rank;
+  }
+}
+
+TEST(SmallMatrix, EigenpairsComposeTheMatrix) {
+  Random random;
+  const MatrixXd root = random.matrix(8, 8);
+  const MatrixXd a = root + root.transpose();
+  const Eigenpairs found = eigenpairsOf(a);
+  const MatrixXd vectors = found.vectors;
+  const Eigen::VectorXd values = found.values;
+  EXPECT_LT(difference(vectors * values.asDiagonal() * vectors.transpose(), a), 1e-8);
+  EXPECT_LT(difference(vectors.transpose() * vectors, MatrixXd::Identity(8, 8)), 1e-8);
+  for (int i = 1; i < 8; ++i) EXPECT_LE(values(i - 1), values(i));
+}
+
 }  // namespace
 }  // namespace ktgp_orb::util
