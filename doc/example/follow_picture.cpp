@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
   // The camera may see the picture from any direction.
   options.matcher = ktgp_orb::MatcherOptions::robust();
   options.matcher.growth.views = 13;
-  options.orb.features = 5000;
+  options.orb.max_features = 5000;
   options.orb.distribution = ktgp_orb::KeypointDistribution::uniform;
   ktgp_orb::SequenceMatcher matcher(options);
   const ktgp_orb::FramePtr picture = matcher.newFrame();
