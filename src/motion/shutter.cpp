@@ -97,7 +97,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
     ++count;
   }
   if (count < 8) return Vector8::Zero();
-  const Vector8 change = util::times(util::inverseOf(information), sum);
+  const Vector8 change = information.ldlt().solve(sum);
   return change.allFinite() ? change : Vector8::Zero();
 }
 

@@ -85,9 +85,8 @@ Covariance6 covarianceOf(const PlanarMotion& motion, const Cameras& cameras,
   for (int i = 0; i < 2; ++i) set(3 + i, length * around.col(i) * motion.normal.transpose());
   set(5, motion.translation * motion.normal.transpose());
   for (int i = 0; i < 2; ++i) set(6 + i, motion.translation * tilts.col(i).transpose());
-  const util::SmallMatrix back =
-      util::leastSquares(by_motion, util::SmallMatrix::Identity(8, 8)).solution;
-  const Eigen::Matrix<double, 8, 8> covariance = util::propagated(back, of_homography);
+  const Eigen::Matrix<double, 8, 8> back = by_motion.inverse();
+  const Eigen::Matrix<double, 8, 8> covariance = back * of_homography * back.transpose();
   return poseCovariance(covariance.topLeftCorner<5, 5>(), direction);
 }
 
