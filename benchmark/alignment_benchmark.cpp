@@ -178,7 +178,7 @@ void guided(benchmark::State& state) {
   std::vector<ktgp_orb::Correspondence> matches;
   const auto round = [&] {
     estimate = pair.answer();
-    matcher.refine(pair.reference, pair.target, 3.0, estimate, matches);
+    matcher.refine(pair.reference, pair.target, 3.0, false, estimate, matches);
     return matches.size();
   };
   round();
@@ -201,6 +201,5 @@ BENCHMARK(guided)->Apply(arguments)->ArgsProduct({{2000}, {0, 1, 2}});
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv);
 }

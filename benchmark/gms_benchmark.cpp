@@ -137,6 +137,5 @@ BENCHMARK(dense)->Apply(sizesAndModes);
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv);
 }

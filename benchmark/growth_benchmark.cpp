@@ -146,6 +146,5 @@ BENCHMARK_CAPTURE(growth, views_13, 13)->Unit(benchmark::kMillisecond)->Iteratio
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv);
 }

@@ -255,9 +255,9 @@ void registerAll(const Frames& frames) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  const Frames frames = Frames::load(20000);
-  registerAll(frames);
-  registerNear(frames);
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv, [] {
+    static const Frames frames = Frames::load(20000);
+    registerAll(frames);
+    registerNear(frames);
+  });
 }

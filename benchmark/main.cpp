@@ -11,7 +11,10 @@
 #include <string>
 
 namespace ktgp_orb::bench {
+namespace {
 
+/// Takes the option out of the arguments. Kernels are chosen when they are first used, so this
+/// comes before everything else.
 bool limitInstructionSet(int& argc, char** argv) {
   const std::string option = "--instruction_set=";
   char** const end = argv + argc;
@@ -35,7 +38,11 @@ bool limitInstructionSet(int& argc, char** argv) {
   return false;
 }
 
-int runBenchmarks(int argc, char** argv) {
+}  // namespace
+
+int run(int argc, char** argv, void (*registerMore)()) {
+  if (!limitInstructionSet(argc, argv)) return 2;
+  if (registerMore != nullptr) registerMore();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -155,6 +155,5 @@ BENCHMARK_CAPTURE(extract, uniform, KeypointDistribution::uniform)->Apply(argume
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv);
 }

@@ -152,8 +152,6 @@ void registerAll() {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
   cv::setNumThreads(1);
-  ktgp_orb::registerAll();
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv, ktgp_orb::registerAll);
 }

@@ -182,6 +182,5 @@ BENCHMARK(alignMatches)->Arg(500)->Iterations(100);
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!ktgp_orb::bench::limitInstructionSet(argc, argv)) return 2;
-  return ktgp_orb::bench::runBenchmarks(argc, argv);
+  return ktgp_orb::bench::run(argc, argv);
 }
