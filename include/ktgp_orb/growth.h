@@ -57,9 +57,11 @@ struct GrowthResult {
   std::size_t support = 0;
   /// Number of supporting pairs expected by chance, measured with decoys (see HomographyGrowth).
   double by_chance = 0.0;
-  double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
-  int seeds = 0;                  ///< number of seeds tried
-  int judged = 0;                 ///< number of homographies that grew far enough to be judged
+  /// log10 of the expected number of false alarms. If the answer has a shifted copy with nearly as
+  /// many matches, which other evidence has refused, it is the number by chance alone.
+  double log_false_alarms = 0.0;
+  int seeds = 0;   ///< number of seeds tried
+  int judged = 0;  ///< number of homographies that grew far enough to be judged
 
   /// Resets the result to the state before any search, but keeps the buffers.
   void clear();

@@ -23,11 +23,16 @@ float squaredLength(const cv::Point2f& p) {
 void SingleDetails::setFrames(const Features& reference, const Features& target) {
   reference_ = &reference;
   target_ = &target;
-  copyBits(reference, bits_);
-  copyBits(target, target_bits_);
-  elsewhere_.assign(reference.size(), -1);
+  is_prepared_ = false;
+}
+
+void SingleDetails::prepare() {
+  is_prepared_ = true;
+  copyBits(*reference_, bits_);
+  copyBits(*target_, target_bits_);
+  elsewhere_.assign(reference_->size(), -1);
   cells_.build(
-      target.size(), [&](std::size_t i) { return target.keypoints[i].pt; }, target.image_size,
+      target_->size(), [&](std::size_t i) { return target_->keypoints[i].pt; }, target_->image_size,
       2.0 * kRadius);
 }
 
@@ -51,6 +56,7 @@ int SingleDetails::nearestElsewhere(std::size_t index) {
 }
 
 std::optional<SingleDetails::Count> SingleDetails::count(const Eigen::Matrix3d& map) {
+  if (!is_prepared_) prepare();
   const Eigen::Matrix3d view = homography::facing(map);
   double copied = 0.0;
   Count single{0.0, 0.0};

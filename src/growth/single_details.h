@@ -52,10 +52,12 @@ class SingleDetails {
   static constexpr int kSingle = 30;
   static constexpr float kRadius = 4.F;  // px
 
+  void prepare();
   int nearestElsewhere(std::size_t index);
 
   const Features* reference_ = nullptr;
   const Features* target_ = nullptr;
+  bool is_prepared_ = false;  // few pairs need count(), so its buffers are filled when it is called
   std::vector<Bits> bits_, target_bits_;
   /// For each keypoint of the reference, the Hamming distance to the most similar keypoint
   /// elsewhere in the reference, 0 if it is below kSingle, or -1 if it is not known yet.
