@@ -106,9 +106,7 @@ class ModuleTest(unittest.TestCase):
     @unittest.skipUnless(os.path.exists(PHOTOGRAPHS), 'needs the photographs of the package opencv-doc')
     def test_a_mirrored_photograph_has_no_motion(self):
         """Flipped either way. A mirrored picture of what is symmetric, such as a face, is one of the same thing turned,
-        which nothing tells apart: its keypoints turn together, too. So there is none of those here, but for the wheel
-        of rubberwhale, whose motion must be in doubt."""
-        moved = []
+        which nothing tells apart: its keypoints turn together, too. So there is none of those here."""
         for name in ('home.jpg', 'fruits.jpg', 'building.jpg', 'messi5.jpg', 'leuvenA.jpg', 'graf1.png', 'aloeL.jpg',
                      'rubberwhale1.png', 'basketball1.png', 'stuff.jpg'):
             picture = cv2.imread(PHOTOGRAPHS + name, cv2.IMREAD_GRAYSCALE)
@@ -119,10 +117,7 @@ class ModuleTest(unittest.TestCase):
             K = np.array([[0.9 * width, 0, width / 2], [0, 0.9 * width, height / 2], [0, 0, 1]])
             for flip in (0, 1):
                 found = ktgp.match(picture, np.ascontiguousarray(cv2.flip(picture, flip)), preset='slam', K=K)
-                if found.rotation is not None:
-                    moved.append((name, flip, found.doubt))
-                    self.assertNotEqual(found.doubt, 'none', moved)
-        self.assertLessEqual(len(moved), 1, moved)
+                self.assertIsNone(found.rotation, (name, flip, found.doubt))
 
     def test_a_plane_has_both_motions(self):
         K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])

@@ -583,6 +583,27 @@ TEST(TwoView, SaysThatATextureRepeatsItself) {
   EXPECT_GE(said, kRuns * 97 / 100);
 }
 
+/// The precise pairs of the scene are few, and those of other parts contradict them.
+TEST(TwoView, AMotionThatHardlyAnyPrecisePairSupportsIsNone) {
+  Numbers numbers(39);
+  TwoViewEstimator estimator;
+  TwoView result;
+  for (const bool few : {true, false}) {
+    int found = 0;
+    for (int run = 0; run < 20; ++run) {
+      const World world(Shape::depth, numbers, 150, 100, 0.2);
+      std::vector<double> deviations(world.pairs.size(), 1.0);
+      if (few) std::fill_n(deviations.begin() + 30, world.right - 30, 3.0);
+      TwoViewInput input = world.input();
+      input.deviations = &deviations;
+      estimator.estimate(world.pairs, input, result);
+      found += result.geometry != Geometry::none;
+      EXPECT_EQ(result.doubt, Doubt::repetitive);
+    }
+    EXPECT_EQ(found, few ? 0 : 20);
+  }
+}
+
 /// Symmetric parts agree with a motion over horizontal epipolar lines.
 TEST(TwoView, AMirrorImageHasNoMotion) {
   Numbers numbers(35);
