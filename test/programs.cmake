@@ -3,9 +3,10 @@
 #   ctest -R knn_matcher          core_tests --file=knn_matcher_test
 # No ROS master is needed.
 
-# ktgp_orb_test_program(program seconds SOURCES ... LINK LIBRARIES ...): seconds as for ktgp_orb_build.
+# ktgp_orb_test_program(program seconds [ROS] SOURCES ... LINK LIBRARIES ...): seconds as for ktgp_orb_build; ROS if
+# its files include headers of ROS.
 function(ktgp_orb_test_program program seconds)
-  cmake_parse_arguments(test "" "" "LINK" ${ARGN})
+  cmake_parse_arguments(test "ROS" "" "LINK" ${ARGN})
   add_executable(${program} support/main.cpp ${test_UNPARSED_ARGUMENTS})
   set_target_properties(${program} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
   if(TARGET tests)
@@ -16,7 +17,11 @@ function(ktgp_orb_test_program program seconds)
     ${CMAKE_CURRENT_SOURCE_DIR}/support ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/research)
   target_link_libraries(${program} ktgp_orb_internals ktgp_orb_views hwy::hwy ktgp_orb_warnings
     opencv_imgcodecs ${KTGP_ORB_GTEST} Threads::Threads ${test_LINK})
-  ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${program})
+  if(test_ROS)
+    ktgp_orb_reuse_precompiled(ktgp_orb_ros_test_headers ${program})
+  else()
+    ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${program})
+  endif()
   ktgp_orb_build(${program} ${seconds} ${program})
   foreach(file ${test_UNPARSED_ARGUMENTS})
     get_filename_component(name ${file} NAME_WE)
@@ -96,7 +101,7 @@ ktgp_orb_test_program(tools_tests 600 ${files} LINK ${libraries})
 if(TARGET ktgp_orb_messages)
   ktgp_orb_tests_below(files bag nodelet ros)
   list(FILTER files EXCLUDE REGEX "/robot_")  # they load nodelets: see robot_tests.cmake
-  ktgp_orb_test_program(ros_tests 1600 ${files} LINK ktgp_orb_messages ktgp_orb_bag)
+  ktgp_orb_test_program(ros_tests 1600 ROS ${files} LINK ktgp_orb_messages ktgp_orb_bag)
   # The test reads the names of all encodings from the header.
   find_path(sensor_msgs_headers sensor_msgs/image_encodings.h HINTS ${sensor_msgs_INCLUDE_DIRS}
     NO_CMAKE_FIND_ROOT_PATH)
