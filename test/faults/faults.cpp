@@ -6,6 +6,7 @@
 //   KTGP_ORB_COUNT=FILE     which is given the number of these writes at the end
 //   KTGP_ORB_KILL_AT=K      the K-th call that gives a file a name, or takes one after that, kills
 //                           the program
+//   KTGP_ORB_RENAME_AFTER=S a file gets a new name only after S seconds
 //   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -106,6 +107,7 @@ int link(const char* from, const char* to) noexcept {
 
 int rename(const char* from, const char* to) noexcept {
   static const auto real = next<int(const char*, const char*)>("rename");
+  sleep(static_cast<unsigned>(numberIn("KTGP_ORB_RENAME_AFTER")));
   has_named = true;
   mayKill();
   return real(from, to);

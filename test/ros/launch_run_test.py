@@ -253,6 +253,14 @@ class LaunchRunTest(FolderCase):
         again = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false')
         self.assertIn('out.bag exists; nothing is overwritten', again.wait())
 
+    def test_the_launch_waits_until_the_recording_is_closed(self):
+        """A large bag is closed and renamed long after the recorder was told to end."""
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'record:=slow.bag', 'rviz:=false',
+                             LD_PRELOAD=os.environ['KTGP_ORB_FAULTS'], KTGP_ORB_RENAME_AFTER='3')
+        self.assertNotIn('has written no', launch.wait())
+        with rosbag.Bag(self.path('slow.bag')) as bag:
+            self.assertGreater(bag.get_message_count('/camera/matcher/statistics'), 0)
+
     def test_images_without_results_are_counted(self):
         loader = importlib.machinery.SourceFileLoader('play_bag', os.path.join(PACKAGE, 'scripts', 'play_bag'))
         play_bag = importlib.util.module_from_spec(importlib.util.spec_from_loader('play_bag', loader))
