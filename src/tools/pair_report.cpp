@@ -227,10 +227,16 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
   if (!covariance.allFinite()) return;
   // Factor from rad to degrees. Each trace below sums the variances of the three axes.
   const double degrees = 180.0 / CV_PI;
-  const double direction = degrees * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
-  std::printf("standard deviation: rotation %.3f degrees, direction %s\n",
-              degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()),
-              direction < 90.0 ? util::format("%.3f degrees", direction).c_str() : "not known");
+  std::printf("standard deviation: rotation %.3f degrees, ",
+              degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()));
+  const double translation = std::sqrt(covariance.topLeftCorner<3, 3>().trace());
+  if (pose.translation.isZero()) {  // it has no direction; its length would be too small to be seen
+    std::printf("translation %.2g of the distance of the scene\n", translation);
+  } else if (degrees * translation < 90.0) {
+    std::printf("direction %.3f degrees\n", degrees * translation);
+  } else {
+    std::printf("direction not known\n");
+  }
 }
 
 void printTwoView(const MatchResult& result) {

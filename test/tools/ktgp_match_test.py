@@ -159,6 +159,19 @@ class KtgpMatch(PairCase):
         self.assertRegex(plane.stdout, r"geometry: (plane|rotation), ")
         self.assertIn("homography A -> B", plane.stdout)
 
+    def test_a_turn_has_no_direction(self):
+        first = self.grey("a.pgm")
+        height, width = first.shape
+        K = np.array([[0.8 * width, 0, width / 2], [0, 0.8 * width, height / 2], [0, 0, 1]])
+        turn = K @ cv2.Rodrigues(np.array([0.01, 0.03, 0.02]))[0] @ np.linalg.inv(K)
+        self.write_image("turned.png", cv2.warpPerspective(first, turn, (width, height)))
+        run = self.match("a.pgm", "turned.png", "--preset", "slam", "--camera",
+                         ",".join(map(str, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))), "--json", "out.json")
+        self.assertEqual(self.json()["geometry"], "rotation")
+        covariance = np.reshape(self.json()["two_view"]["pose_covariance"], (6, 6))
+        self.assertIn("translation %.2g of the distance of the scene" % np.sqrt(np.trace(covariance[:3, :3])), run.stdout)
+        self.assertNotIn("direction", run.stdout)
+
     def test_a_plane_has_both_motions(self):
         first = self.grey("a.pgm")
         height, width = first.shape
