@@ -74,6 +74,14 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "PK\x03\x04", "is packed with zip; unpack it"},
 };
 
+/// Returns true if the file begins like an MP4, QuickTime, Matroska or AVI video.
+bool isVideo(const std::string& file) {
+  std::string begin = firstBytes(file, 12);
+  begin.resize(12);
+  return begin.compare(4, 4, "ftyp") == 0 || begin.compare(0, 4, "\x1A\x45\xDF\xA3") == 0 ||
+         begin.compare(8, 4, "AVI ") == 0;
+}
+
 /// Replaces the values of transparent pixels: they are arbitrary, because nobody sees them.
 void hideTransparent(const std::string& file, cv::Mat& picture) {
   const cv::Mat whole = cv::imread(file, cv::IMREAD_UNCHANGED);
@@ -143,7 +151,10 @@ cv::Mat readPicture(const std::string& file, int flags) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
   if (picture.empty()) {
-    const std::string known = unreadableFormat(file);
+    std::string known = unreadableFormat(file);
+    if (known.empty() && isVideo(file)) {
+      known = "is a video; ktgp_bag matches videos, and finds targets in them with --targets";
+    }
     throw FileError(file, "cannot be read as an image" + (known.empty() ? "" : ": it " + known));
   }
   if (!isUsual(picture)) {

@@ -237,3 +237,9 @@ class KtgpFind(ToolCase):
                       "scene.pgm": (None, "is a picture; expected a folder of pictures")})
         for name, (_, reason) in lists.items():
             self.find("scene.pgm", name, code=2, words=reason)
+
+    def test_a_video_is_named_with_the_program_that_reads_it(self):
+        for name, begin in (("a.mp4", b"\0\0\0\x20ftypisom"), ("b.mkv", b"\x1a\x45\xdf\xa3"),
+                            ("c.avi", b"RIFF\0\0\0\0AVI LIST")):
+            (self.folder / name).write_bytes(begin + bytes(1000))
+            self.find(name, "posters", code=2, words="is a video; ktgp_bag matches videos, and finds targets in them")
