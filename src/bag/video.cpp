@@ -168,7 +168,7 @@ class Video : public ImageSource {
     return std::nullopt;
   }
 
-  /// Time in the video of the image that was grabbed last, s. For the last images of a video with
+  /// Video time of the last grabbed image, s. For the last images of a video with
   /// B-frames, OpenCV gives no time. We then add the usual step to the time of the previous image,
   /// because an equal time would look like a repeated image.
   double timeInFile() {

@@ -19,7 +19,7 @@ constexpr std::size_t kLocalFrameValues = 5;
 
 /// Cosine of 0.6 rad, the largest difference between two similar directions.
 constexpr float kAlikeCosine = 0.825336F;
-constexpr float kAlikeLogScale = 0.587787F;  ///< logarithm of the largest ratio of two sizes, 1.8
+constexpr float kAlikeLogScale = 0.587787F;  ///< log of 1.8, the largest ratio of similar sizes
 
 /// The inner loop of LocalMatcher::match(). Each instruction set has its own kernel, and all
 /// kernels give equal results.

@@ -71,7 +71,7 @@ class ShiftVotes {
   Peak own_;
   std::vector<Peak> others_;
   std::vector<std::size_t> near_;  // number of votes near each vote
-  // Indices into votes_, the vote with the most votes near it first.
+  // Indices into votes_, sorted by near_, the largest number first.
   std::vector<std::size_t> order_;
   // Buffers of peakAt(): cells of the voters in the reference [0] and in the target [1].
   std::array<std::vector<std::uint64_t>, 2> cells_{};

@@ -81,8 +81,8 @@ std::optional<SingleDetails::Count> SingleDetails::count(const Eigen::Matrix3d& 
   return single;
 }
 
-// On drawn pages that share only their symbols, the share was at most 0.08 after one standard
-// deviation was subtracted, and with the right homography at least 0.11.
+// Measured share of the single details that are found, less one standard deviation: at most 0.08 on
+// drawn pages that have only their symbols in common, at least 0.11 with the right homography.
 bool SingleDetails::Count::contradict() const {
   constexpr double kFewest = 0.1;
   return found - std::sqrt(found) < kFewest * seen;

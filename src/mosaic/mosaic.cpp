@@ -253,8 +253,9 @@ struct Mosaic::Impl {
     return surprise(middleInMap(*by_chain)) > half_period;
   }
 
-  /// Returns how much the frame at this place differs from the map, as a multiple of its difference
-  /// from its own copy a period away: 0 if it looks like the map, 1 or more if it is a period off.
+  /// Compares the frame, placed by `from_map`, with the map. Returns the difference (1 -
+  /// correlation) divided by the difference between the frame and the same frame shifted by one
+  /// period: about 0 if the place is right, 1 or more if it is wrong by a period.
   double difference(const Eigen::Matrix3d& from_map) {
     const cv::Mat copy = metrics::shrunk(grey);
     Eigen::Matrix3d from_copy = Eigen::Matrix3d::Identity();

@@ -230,7 +230,7 @@ void printPose(const std::string& heading, const RelativePose& pose, const Covar
   std::printf("standard deviation: rotation %.3f degrees, ",
               degrees * std::sqrt(covariance.bottomRightCorner<3, 3>().trace()));
   const double translation = std::sqrt(covariance.topLeftCorner<3, 3>().trace());
-  if (pose.translation.isZero()) {  // it has no direction; its length would be too small to be seen
+  if (pose.translation.isZero()) {  // a pure rotation: how large may an unseen translation be?
     std::printf("translation %.2g of the distance of the scene\n", translation);
   } else if (degrees * translation < 90.0) {
     std::printf("direction %.3f degrees\n", degrees * translation);

@@ -341,8 +341,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// Returns the covariance of the homography's first eight entries if the calibration is poor: K may
-/// come from a data sheet or from the software of a phone, for example.
+/// Returns the covariance of the homography's first eight entries under the assumption that the
+/// calibration is poor, for example because K comes from a data sheet.
 Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::poorCovariance(
     const PointPairs& pairs, const TwoViewInput& input) const {
   constexpr double kPoorLinear = 10.0;  // as a multiple of options.shared_errors
