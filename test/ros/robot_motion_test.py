@@ -2,9 +2,13 @@
 source of height and normal, or refused with the reason."""
 
 import itertools
+import subprocess
+import tempfile
 import unittest
 
 import numpy as np
+import rosbag
+import rosgraph
 import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
@@ -310,6 +314,23 @@ class MotionTest(unittest.TestCase):
             before = len(twists.messages())
             send(30)
             wait_until(lambda: len(twists.messages()) - before >= 50, lambda: 'nearly all come: ' + gimbal.output())
+
+    def test_8_a_mount_that_was_sent_once_before_anybody_subscribed_is_known(self):
+        """As by rosbag play, which does not latch the /tf_static of most bags."""
+        topics = ['%s:=/camera/%s' % (name, name if name != 'match' else 'matcher/match')
+                  for name in ('camera_info', 'match')]
+        with tempfile.TemporaryDirectory() as folder, \
+                node('GroundMotion', 'by_bag', 'image:=/camera/image_raw', *topics, '_height_source:=parameter',
+                     '_height:=%s' % HEIGHT, '_base_frame:=mount', '_normal_source:=down') as by_bag:
+            with rosbag.Bag(folder + '/mount.bag', 'w') as bag:
+                bag.write('/tf_static', TFMessage([transform('camera', 'mount', (0, 0, 0), rospy.Time())]),
+                          rospy.Time(1.0))
+            master = rosgraph.Master('/robot_motion_test')
+            wait_until(lambda: '/by_bag' in dict(master.getSystemState()[1]).get('/tf_static', []), by_bag.output)
+            for _ in range(3):  # in case that a subscriber connects late
+                subprocess.check_call(['rosbag', 'play', '--quiet', '--wait-for-subscribers', folder + '/mount.bag'])
+            twists = Recorder('/by_bag/twist', TwistWithCovarianceStamped, self)
+            wait_until(lambda: self.send() and (rospy.sleep(0.05) or twists.messages()), by_bag.output)
 
     def test_8_a_clock_that_jumps_restarts(self):
         self.twist_after('ground_motion')
