@@ -271,6 +271,9 @@ class LaunchRunTest(FolderCase):
             bag.write('/right/matcher/statistics', MatchStatistics(dropped_frames=9))
         self.assertEqual(play_bag.frames_without_results(self.path('lossy.bag'), '/left/matcher'), 3)
         self.assertEqual(play_bag.frames_without_results(self.path('lossy.bag'), '/other/matcher'), 0)
+        self.assertIn('with rate:=0.25,', play_bag.advice_on_losses(0.5, 'none'))
+        self.assertNotIn('decompress', play_bag.advice_on_losses(0.5, 'none'))
+        self.assertTrue(play_bag.advice_on_losses(1.0, 'bz2').startswith('decompress the bag with rosbag decompress'))
 
     def test_a_wrong_topic_is_reported_with_the_existing_ones(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'topic:=/other/image', 'rviz:=false')
