@@ -153,8 +153,8 @@ class ImageNode : public NodeBase {
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
     requireUsable(node, nodelet());
-    for (const std::string& name : unknownParameters(node, nodelet())) {
-      NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
+    for (const std::string& warning : warnOfUnknown(node, nodelet())) {
+      NODELET_WARN("%s", warning.c_str());
     }
     server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(server_mutex_, node);
     server_->setCallback([this](Config& config, std::uint32_t /*level*/) {

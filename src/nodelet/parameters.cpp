@@ -6,6 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "parameters/near_name.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -93,26 +95,23 @@ void requireValue(const ParameterInfo& info, const boost::any& value) {
   if (const auto* text = boost::any_cast<std::string>(&value)) requireValid(info, name, *text);
 }
 
-std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
-                                           const std::string& nodelet) {
+std::vector<std::string> warnOfUnknown(const ros::NodeHandle& node, const std::string& nodelet) {
   const std::string prefix = node.getNamespace() + "/";
-  const std::vector<ParameterInfo>& known = parametersOf(nodelet);
+  std::vector<std::string> known(std::begin(kStaticParameters), std::end(kStaticParameters));
+  for (const ParameterInfo& info : parametersOf(nodelet)) known.push_back(info.name);
   std::vector<std::string> all;
-  std::vector<std::string> unknown;
+  std::vector<std::string> warnings;
   node.getParamNames(all);
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
-    const auto is_own = [&own](const auto& other) { return other == own; };
     // Plugins have their own parameters below a topic, such as matches_image/compressed.
-    const bool is_known =
-        own.find('/') != std::string::npos ||
-        std::any_of(std::begin(kStaticParameters), std::end(kStaticParameters), is_own) ||
-        std::any_of(known.begin(), known.end(),
-                    [&own](const ParameterInfo& info) { return info.name == own; });
-    if (!is_known) unknown.push_back(name);
+    if (own.find('/') != std::string::npos) continue;
+    if (std::find(known.begin(), known.end(), own) != known.end()) continue;
+    warnings.push_back("parameter " + name + " is not known to this node and has no effect" +
+                       hintOnName(own, known));
   }
-  return unknown;
+  return warnings;
 }
 
 }  // namespace ktgp_orb

@@ -16,8 +16,9 @@ namespace ktgp_orb {
 /// its value and what is expected. `nodelet`: see parametersOf().
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
-/// Parameters below `node` that the nodelet does not know, for example misspelt parameters.
-std::vector<std::string> unknownParameters(const ros::NodeHandle& node, const std::string& nodelet);
+/// A warning for each parameter below `node` that the nodelet does not know, with the known
+/// parameter that is spelt most like it. (ROS does not warn about unknown parameters.)
+std::vector<std::string> warnOfUnknown(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Checks what dynamic_reconfigure does not check: that numbers are finite, and that texts are
 /// among the choices. Throws like requireUsable.

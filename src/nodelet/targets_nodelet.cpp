@@ -264,8 +264,11 @@ void TargetsNodelet::listeningChanged(bool listening) {
 void TargetsNodelet::loadNext() {
   if (!book_.isLoading()) {
     load_.stop();
-    NODELET_INFO("known targets: %zu",
-                 worker_.ask([](TargetsWork& work) { return work.finder().ids().size(); }));
+    const std::size_t known =
+        worker_.ask([](TargetsWork& work) { return work.finder().ids().size(); });
+    NODELET_INFO(
+        "known targets: %zu%s", known,
+        known == 0 ? "; the parameter `targets` names a folder or a list of pictures" : "");
     return;
   }
   book_.loadNext();

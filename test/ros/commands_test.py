@@ -78,7 +78,8 @@ RUN = {
     'roslaunch ktgp_orb matcher.launch': MATCHER,
     'roslaunch ktgp_orb stabilizer.launch': CONSUMER,
     'roslaunch ktgp_orb mosaic.launch': CONSUMER,
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: previous, guided: true, gms_grid: 0}"': MATCHER,
+    'roslaunch ktgp_orb matcher.launch image:=image_rect set:="{reference_mode: previous, guided: true, gms_grid: 0}"':
+        Run(until='matches images on /camera/image_rect'),
     'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"': MOTION,
     'roslaunch ktgp_orb targets.launch targets:=posters': Run(before=POSTERS, until='known targets: 1'),
     'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':

@@ -50,5 +50,7 @@ class ClockTest(unittest.TestCase):
     def test_unknown_parameters_are_named(self):
         for kind in ('matcher', 'stabilizer', 'mosaic'):
             with node(kind, 'misspelt_' + kind, '_T_w_:=1.0') as misspelt:
-                self.assertTrue(misspelt.says('parameter /misspelt_%s/T_w_ is not known to this node' % kind),
+                hint = '; did you mean T_w?' if kind == 'matcher' else ''
+                self.assertTrue(misspelt.says('parameter /misspelt_%s/T_w_ is not known to this node and has no '
+                                              'effect%s' % (kind, hint)),
                                 misspelt.output())
