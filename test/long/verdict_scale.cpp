@@ -1,9 +1,10 @@
 // The verdict at scale: how many unrelated pairs are called ok, how many related ones are ok and
 // wrong, and what the covariance says of those. Run by `ctest -L long`.
 //   verdict_scale UNRELATED RELATED SEED [SETTING]; all images below KTGP_ORB_DATA. Images in one
-//   folder show one scene, and so do those in folders 1 and 2 beside each other. UNRELATED pairs
-//   are shared by the settings without the growth, as many by those with it, and a tenth as many
-//   are matched to simulated views. SETTING: the unrelated pairs with this one alone, such as slam.
+//   folder show one scene, and so do those in folders 1 and 2 beside each other, and in all folders
+//   synth_*. UNRELATED pairs are shared by the settings without the growth, as many by those with
+//   it, and a tenth as many are matched to simulated views. SETTING: the unrelated pairs with this
+//   one alone, such as slam.
 // Fails where more than one unrelated pair in 10 000 is called ok.
 
 #include <Eigen/LU>
@@ -145,6 +146,8 @@ void describe(const cv::Mat& image, std::array<Features, 2>& features) {
 std::string sceneOf(const std::string& file) {
   const std::string folder = file.substr(0, file.rfind('/'));
   const std::size_t name = folder.rfind('/') + 1;
+  // Rendered scenes have the same photographs as texture.
+  if (folder.compare(name, 6, "synth_") == 0) return folder.substr(0, name) + "synth";
   const bool is_side =
       folder.compare(name, folder.npos, "1") == 0 || folder.compare(name, folder.npos, "2") == 0;
   return is_side ? folder.substr(0, name) : folder;
