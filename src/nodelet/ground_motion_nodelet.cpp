@@ -276,7 +276,8 @@ void GroundMotionNodelet::advertise() {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });
   poll_.stop();
-  // Also while nothing subscribes to our results: a bag sends /tf_static once, and without latching.
+  // Also while nothing subscribes to our results: a bag sends /tf_static once, and without
+  // latching.
   listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node(data_queue_), false);
   startWorker(
       std::make_unique<GroundWork>(getNodeHandle(), tf_, diagnosis_, twists, odometry, is_waiting_),
