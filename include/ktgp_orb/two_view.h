@@ -57,7 +57,7 @@ struct SharedErrors {
   /// Errors that vary linearly over the image, px, because calibration, lens model and shutter are
   /// not exact.
   double linear = 0.0;
-  double focal = 0.0;  ///< common error of both focal lengths, as a share of them
+  double focal = 0.0;  ///< relative error of the focal length, the same in both images
   double zoom = 0.0;   ///< change of the focal length between the images, as a share of it
   /// Readout time of a rolling shutter, as a share of the time between the images; 0: global
   /// shutter.
