@@ -146,7 +146,7 @@ NOT_RUN = {
         'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
         '--methods ROBUST-GROWTH\\,ROBUST\\,HARD\\,HARD-VIEWS\\,SIFT\\,AKAZE'],
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
-        'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}',
+        'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset, --avx2}',
         'build/bench/bin/targets_accuracy {recall 300 30 10 100 1000,following 1000 600 5000 0}'],
     'dev/check_workspace runs it, with options, in a workspace of its own, in CI': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
