@@ -224,19 +224,16 @@ int unrelated(const std::vector<Preset>& settings, long pairs, std::uint64_t see
       std::printf("  ok: %s and %s, %zu inliers, by %s\n", a.scene.c_str(), b.scene.c_str(),
                   result.inliers, toString(result.found_by));
     };
-    // Pairs of real images, all of them if they are at most half of the pairs; then drawn and mixed
-    // pairs.
     const long wanted = pairsOf(preset, settings, pairs);
-    const auto half = static_cast<std::size_t>(std::max(1L, wanted / 2));
-    for (std::size_t i = 0; i < real * real; i += 1 + real * real / half) {
-      match(all[drawn + i / real], all[drawn + i % real]);
-    }
+    // One of all pictures, or one of the real images, which are the last ones.
+    const auto any = [&](std::size_t first) {
+      return static_cast<std::size_t>(
+          numbers.uniform(static_cast<double>(first), static_cast<double>(all.size())));
+    };
     while (tried < wanted) {
-      const auto any = [&] {
-        return static_cast<std::size_t>(numbers.uniform(0.0, static_cast<double>(all.size())));
-      };
-      const std::size_t i = any();
-      match(all[i], all[any()]);
+      const std::size_t first = real > 1 && tried < wanted / 2 ? drawn : 0;
+      const std::size_t i = any(first);
+      match(all[i], all[any(first)]);
     }
     std::printf("%-28s %10ld %6ld\n", preset.name, tried, ok);
     std::fflush(stdout);
