@@ -36,7 +36,9 @@ enum class Doubt : std::uint8_t {
   /// Too few pairs are off the dominant plane, or these pairs are all in one place.
   few_points_off_the_plane = 2,
   small_parallax = 3,  ///< another direction or the opposite sign of the translation fits as well
-  repetitive = 4,      ///< the texture repeats, and wrong pairs, shifted by a period, fit as well
+  /// The texture repeats, and wrong pairs, shifted by a period, fit as well. There is no geometry
+  /// if hardly any precise pair agrees.
+  repetitive = 4,
   /// A camera that only turned or stood still explains all pairs outside one compact region, which
   /// may be a moving object.
   moving_region = 5,
