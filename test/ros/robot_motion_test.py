@@ -358,8 +358,13 @@ class MotionTest(unittest.TestCase):
     def test_8_a_gyro_that_drifts_is_named(self):
         self.diagnosed("the Imu's angular velocity seems ", 'by_motion', turn=np.radians(1.5))
 
-    def test_9_nothing_is_subscribed_without_subscribers(self):
+    def test_9_without_subscribers_it_hears_only_tf(self):
         for recorders in (self.odometry, self.twists):
-            recorders['by_parameter'].close()
-        wait_until(lambda: any('idle' in s.message for s in self.diagnostics.of('by_parameter: motion', -8)),
-                   'by_parameter is idle')
+            recorders['by_tf'].close()
+        wait_until(lambda: any('idle' in s.message for s in self.diagnostics.of('by_tf: motion', -8)),
+                   'by_tf is idle')
+
+        def heard():
+            subscribers = rosgraph.Master('/robot_motion_test').getSystemState()[1]
+            return sorted(topic for topic, nodes in subscribers if '/camera/by_tf' in nodes)
+        wait_until(lambda: heard() == ['/tf', '/tf_static'], lambda: 'it hears only tf: %s' % heard())
