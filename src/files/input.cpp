@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -78,8 +79,10 @@ constexpr KnownFormat kKnownFormats[] = {
 bool isVideo(const std::string& file) {
   std::string begin = firstBytes(file, 12);
   begin.resize(12);
-  return begin.compare(4, 4, "ftyp") == 0 || begin.compare(0, 4, "\x1A\x45\xDF\xA3") == 0 ||
-         begin.compare(8, 4, "AVI ") == 0;
+  for (const char* brand : {"ftypiso", "ftypmp4", "ftypavc1", "ftypqt  ", "ftypM4V", "ftyp3gp"}) {
+    if (begin.compare(4, std::strlen(brand), brand) == 0) return true;
+  }
+  return begin.compare(0, 4, "\x1A\x45\xDF\xA3") == 0 || begin.compare(8, 4, "AVI ") == 0;
 }
 
 /// Replaces the values of transparent pixels: they are arbitrary, because nobody sees them.
