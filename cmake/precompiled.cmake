@@ -40,7 +40,7 @@ endfunction()
 
 # ktgp_orb_precompiled_set(name [ROS] [HEADERS ...] [LIBRARIES ...]): a target that owns only what
 # programs share: the headers of the core, with ROS those of ROS, and HEADERS. A file that needs no ROS compiles 2 to
-# 5 s longer with its headers, precompiled or not: their inline functions instantiate templates.
+# 5 s longer with its headers: their inline functions instantiate templates.
 function(ktgp_orb_precompiled_set name)
   cmake_parse_arguments(own "ROS" "" "HEADERS;LIBRARIES" ${ARGN})
   if(NOT KTGP_ORB_PRECOMPILE)

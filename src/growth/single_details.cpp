@@ -27,13 +27,13 @@ void SingleDetails::setFrames(const Features& reference, const Features& target)
 }
 
 void SingleDetails::prepare() {
-  is_prepared_ = true;
   copyBits(*reference_, bits_);
   copyBits(*target_, target_bits_);
   elsewhere_.assign(reference_->size(), -1);
   cells_.build(
       target_->size(), [&](std::size_t i) { return target_->keypoints[i].pt; }, target_->image_size,
       2.0 * kRadius);
+  is_prepared_ = true;
 }
 
 /// Returns the Hamming distance of a keypoint to the most similar keypoint elsewhere in the

@@ -153,7 +153,7 @@ class ImageNode : public NodeBase {
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
     requireUsable(node, nodelet());
-    for (const std::string& warning : warnOfUnknown(node, nodelet())) {
+    for (const std::string& warning : warningsOfUnknown(node, nodelet())) {
       NODELET_WARN("%s", warning.c_str());
     }
     server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(server_mutex_, node);

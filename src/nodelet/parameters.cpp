@@ -95,7 +95,8 @@ void requireValue(const ParameterInfo& info, const boost::any& value) {
   if (const auto* text = boost::any_cast<std::string>(&value)) requireValid(info, name, *text);
 }
 
-std::vector<std::string> warnOfUnknown(const ros::NodeHandle& node, const std::string& nodelet) {
+std::vector<std::string> warningsOfUnknown(const ros::NodeHandle& node,
+                                           const std::string& nodelet) {
   const std::string prefix = node.getNamespace() + "/";
   std::vector<std::string> known(std::begin(kStaticParameters), std::end(kStaticParameters));
   for (const ParameterInfo& info : parametersOf(nodelet)) known.push_back(info.name);

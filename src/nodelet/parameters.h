@@ -18,7 +18,7 @@ void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// A warning for each parameter below `node` that the nodelet does not know, with the known
 /// parameter that is spelt most like it. (ROS does not warn about unknown parameters.)
-std::vector<std::string> warnOfUnknown(const ros::NodeHandle& node, const std::string& nodelet);
+std::vector<std::string> warningsOfUnknown(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Checks what dynamic_reconfigure does not check: that numbers are finite, and that texts are
 /// among the choices. Throws like requireUsable.

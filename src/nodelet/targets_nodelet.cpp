@@ -268,7 +268,7 @@ void TargetsNodelet::loadNext() {
         worker_.ask([](TargetsWork& work) { return work.finder().ids().size(); });
     NODELET_INFO(
         "known targets: %zu%s", known,
-        known == 0 ? "; the parameter `targets` names a folder or a list of pictures" : "");
+        known == 0 ? "; set `targets` to a folder or a list, or add them by the services" : "");
     return;
   }
   book_.loadNext();

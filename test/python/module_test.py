@@ -105,8 +105,8 @@ class ModuleTest(unittest.TestCase):
 
     @unittest.skipUnless(os.path.exists(PHOTOGRAPHS), 'needs the photographs of the package opencv-doc')
     def test_a_mirrored_photograph_has_no_motion(self):
-        """Flipped either way. A mirrored picture of what is symmetric, such as a face, is one of the same thing turned,
-        which nothing tells apart: its keypoints turn together, too. So there is none of those here."""
+        """Flipped either way. The mirror image of something symmetric, such as a face, looks like the same thing turned:
+        its keypoints turn together, too. Only rubberwhale has such a thing, a wheel, with few of its precise pairs."""
         for name in ('home.jpg', 'fruits.jpg', 'building.jpg', 'messi5.jpg', 'leuvenA.jpg', 'graf1.png', 'aloeL.jpg',
                      'rubberwhale1.png', 'basketball1.png', 'stuff.jpg'):
             picture = cv2.imread(PHOTOGRAPHS + name, cv2.IMREAD_GRAYSCALE)
