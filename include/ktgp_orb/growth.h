@@ -45,6 +45,9 @@ ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, in
 /// Result of HomographyGrowth::find. If you reuse it for the next call, it keeps its buffers.
 struct GrowthResult {
   bool found = false;
+  /// True if nothing was found because the scene repeats itself: the most significant homographies
+  /// are not explained by chance, but a shifted copy could be right instead.
+  bool is_repetitive = false;
   UncertainHomography answer;  ///< zero unless found
   /// The matches that support the homography: mutual nearest neighbours within 4 px of the
   /// predicted positions. Empty unless found.

@@ -437,9 +437,10 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
     if (!growth::isAccepted(grown[i]) && !growth::isRepeated(grown[i])) continue;
     if (!isBacked(i, repeats)) continue;
     const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
-    if (std::any_of(order.begin(), order.end(), is_rival)) return;
-    if (store(grown[i], result)) return;
+    result.is_repetitive = std::any_of(order.begin(), order.end(), is_rival);
+    if (result.is_repetitive || store(grown[i], result)) return;
   }
+  result.is_repetitive = repeats;
 }
 
 void HomographyGrowth::Impl::describe(const growth::Judgement& judgement, GrowthResult& result) {
@@ -480,7 +481,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
 }
 
 void GrowthResult::clear() {
-  found = false;
+  found = is_repetitive = false;
   answer = {};
   pairs.clear();
   matches.clear();

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "homography/part_in_view.h"
 #include "homography/transform.h"
 #include "tools/matcher_cli.h"
 #include "two_view/cameras.h"
@@ -102,16 +103,17 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
 /// The corners of the part of A that is visible in B, px of A. If this part is unknown, the corners
 /// of A.
 std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
-  const Eigen::Matrix3d& h = outcome.pair.match.answer.homography;
+  // The plane of A may extend to the horizon of B. Farther corners would be mapped so far out that
+  // the intersection would lose its digits.
+  constexpr double kNearHorizon = 0.02;
+  const Eigen::Matrix3d h = homography::facing(outcome.pair.match.answer.homography);
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
   std::vector<Eigen::Vector2d> common(corners.begin(), corners.end());
-  if (!homography::keepsPlaneInView(h, corners)) return common;
   std::vector<cv::Point2f> outline;
   std::vector<cv::Point2f> target;
   std::vector<cv::Point2f> overlap;
-  outline.reserve(corners.size());
   target.reserve(corners.size());
-  for (const Eigen::Vector2d& corner : corners) {
+  for (const Eigen::Vector2d& corner : homography::partInView(h, corners, kNearHorizon)) {
     const Eigen::Vector2d p = homography::project(h, corner);
     outline.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
   }
@@ -119,7 +121,7 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
        homography::imageCorners(outcome.pair.target.image_size, {})) {
     target.emplace_back(static_cast<float>(corner.x()), static_cast<float>(corner.y()));
   }
-  cv::intersectConvexConvex(outline, target, overlap);
+  if (outline.size() >= 3) cv::intersectConvexConvex(outline, target, overlap);
   if (overlap.size() < 3) return common;
   common.clear();
   common.reserve(overlap.size());
@@ -203,6 +205,11 @@ std::string advice(const Outcome& outcome, const PipelineOptions& options) {
     const bool needs_homography = matcher.geometry == GeometryModel::homography;
     return "--preset photo" + std::string(needs_homography ? "" : " --geometry auto") +
            " finds more than these settings if the views differ strongly" + more;
+  }
+  if (outcome.pair.match.growth.is_repetitive) {
+    return "what both images show repeats itself, and nothing tells which place is right; expected "
+           "images with a larger part in common, or with details that exist only once" +
+           more;
   }
   constexpr int kMost = 20000;  // largest value of the parameter `features`
   const bool has_all = outcome.pair.max_features >= kMost;

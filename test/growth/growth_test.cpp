@@ -122,6 +122,10 @@ TEST(GrowthPages, AreFoundByWhatExistsOnceInTheOverlap) {
   EXPECT_GE(counts.found, 0.95 * counts.pairs);
 }
 
+TEST(GrowthPages, WithASmallOverlapAreRightOrNotFound) {
+  EXPECT_EQ(test::countPages(0.15, 1, 3).wrong, 0);
+}
+
 // Both pages are turned by nearly the same angle, so one of the shifts samples all symbols at the
 // same positions between the pixels. More nearest neighbours vote for this shift than for any
 // other. In the texts, no shift has many votes, but one has more matches than chance explains.
@@ -139,6 +143,7 @@ TEST(GrowthPages, WhoseSymbolsAreSampledAlikeAreNotFound) {
     const auto pair = test::scannedPair(page, 0.0, seed, test::pageFeatures());
     matcher.match(pair.frames.reference, pair.frames.target, result);
     EXPECT_NE(result.status, Status::ok) << test::nameOf(page) << seed;
+    EXPECT_TRUE(result.growth.is_repetitive) << test::nameOf(page) << seed;
   }
 }
 

@@ -5,8 +5,48 @@ import subprocess
 
 import cv2
 import numpy as np
-from tool_case import (HEIGHT, OVER_A_PLANE, SOURCE, TOOLS, WIDTH, PairCase, picture, tilted_plane, two_depths,
-                       write_pgm)
+from tool_case import (HEIGHT, OVER_A_PLANE, SOURCE, TOOLS, WIDTH, PairCase, corners_off, mapped, picture, shift,
+                       tilted_plane, two_depths, write_pgm)
+
+SKY = 800, 600  # px
+
+
+def sky(motion, hot, noise):
+    """Stars, moved by a homography, and pixels of the sensor that are always bright; with noise of that seed."""
+    width, height = SKY
+    numbers, sensor = np.random.RandomState(5), np.random.RandomState(9)
+    image = np.random.RandomState(noise).normal(12.0, 2.5, (height, width))
+    stars = mapped(motion, numbers.uniform((-40, -40), (width + 40, height + 40), (450, 2)))
+    y, x = np.mgrid[:height, :width]
+    for (at_x, at_y), light in zip(stars, numbers.uniform(60, 240, len(stars))):
+        near = tuple(slice(max(0, int(at) - 6), max(0, int(at) + 7)) for at in (at_y, at_x))
+        image[near] += light * np.exp(-((x[near] - at_x) ** 2 + (y[near] - at_y) ** 2) / 2.5)
+    image[sensor.randint(0, height, hot), sensor.randint(0, width, hot)] = sensor.uniform(60, 240, hot)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def turn(degrees):
+    """About the middle of the sky."""
+    middle = (SKY[0] - 1) / 2, (SKY[1] - 1) / 2
+    return np.vstack([cv2.getRotationMatrix2D(middle, degrees, 1.0), (0, 0, 1)])
+
+
+def camera_over_map(x, y, height, degrees):
+    """Map -> image of 640x480 of a camera `y` px below the map's upper edge and `height` px above it, that looks up the
+    map and down by `degrees`."""
+    t = np.radians(degrees)
+    rotation = np.array([[1, 0, 0], [0, np.sin(t), -np.cos(t)], [0, -np.cos(t), -np.sin(t)]])
+    K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    return K @ np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ (x, y, height)])
+
+
+def view_of_map(ground, H):
+    """Its view, grey beyond the horizon and beside the map, and where it shows the map."""
+    y, x = np.mgrid[:480, :640]
+    on_map = mapped(np.linalg.inv(H), np.stack([x, y], axis=-1).reshape(-1, 2))
+    is_seen = (on_map @ H[2, :2] + H[2, 2] > 0) & (on_map >= 0).all(axis=1)
+    is_seen = (is_seen & (on_map < np.array(ground.shape[::-1]) - 1).all(axis=1)).reshape(480, 640)
+    return np.where(is_seen, cv2.warpPerspective(ground, H, (640, 480)), 128).astype(np.uint8), is_seen
 
 
 class KtgpMatch(PairCase):
@@ -34,6 +74,23 @@ class KtgpMatch(PairCase):
         error = float(re.search(r"corner error against the ground truth: (\S+) px", run.stdout).group(1))
         self.assertLess(error, 3.0)
 
+    def test_two_parts_of_a_plan_that_share_only_its_symbols_are_said_to_repeat(self):
+        random = np.random.RandomState(1)
+        plan = np.full((800, 1600), 255, np.uint8)
+        for x in range(60, 1560, 100):
+            for y in range(60, 760, 100):
+                cv2.rectangle(plan, (x, y), (x + 40, y + 50), 0, 2)
+                cv2.circle(plan, (x + 20, y + 25), 12, 0, 2)
+                cv2.putText(plan, str(random.randint(100)), (x + 46, y + 30), cv2.FONT_HERSHEY_SIMPLEX, .6, 0, 1)
+        for name, left, degrees in (("left.png", 0, 0.4), ("right.png", 800, -0.7)):
+            scan = cv2.getRotationMatrix2D((left + 400, 400), degrees, 1)
+            scan[0, 2] -= left
+            part = cv2.warpAffine(plan, scan, (800, 800), flags=cv2.INTER_AREA, borderValue=255)
+            noisy = cv2.GaussianBlur(part, (0, 0), 0.7) + random.normal(0, 4, part.shape)
+            self.write_image(name, np.clip(noisy, 0, 255).astype(np.uint8))
+        self.match_photos("left.png", "right.png", code=1, prints="what both images show repeats itself")
+        self.assertNotIn("repeats itself", self.match_photos("a.pgm", "left.png", code=1).stdout)
+
     def test_a_misspelt_parameter_has_the_nearest_name_in_the_message(self):
         for word, meant in (("--t_w", "--T_w"), ("--ground_truth=H.txt", "--ground-truth"), ("--featurs", "--features")):
             self.match("a.pgm", "b.pgm", word, "0.7", code=2,
@@ -45,6 +102,40 @@ class KtgpMatch(PairCase):
 
     def test_more_than_two_images_are_counted(self):
         self.match("a.pgm", "b.pgm", "c.pgm", "d.pgm", code=2, words="expected A and B, but 4 names came\n")
+
+    def test_hot_pixels_are_not_taken_for_the_sky(self):
+        """Hot pixels agree that nothing moves, and may be more than the stars."""
+        moved, turned = shift(4.6, 0), shift(4.6, 0) @ turn(3)
+        cases = [(preset, motion, hot) for preset, motion in (("robust", moved), ("robust", turned), ("photo", turned))
+                 for hot in (200, 900)]
+        right = 0
+        for seed, (preset, motion, hot) in enumerate(cases):
+            self.write_image("before.png", sky(np.eye(3), hot, seed))
+            self.write_image("after.png", sky(motion, hot, seed + 100))
+            self.match_photos("before.png", "after.png", "--preset", preset, "--json", "out.json", code=None)
+            found = self.json()
+            if found["status"] != "ok":
+                continue
+            off = np.linalg.norm(corners_off(found["homography"], motion, SKY), axis=1).max()
+            self.assertLess(off, 1.0, (preset, hot))
+            right += 1
+        self.assertGreaterEqual(2 * right, len(cases))
+
+    def test_a_plane_of_which_a_part_lies_behind_the_camera_is_found(self):
+        """The map goes on behind the camera, or the horizon is in the view."""
+        ground = np.vstack([np.hstack([picture(1), picture(2)]), np.hstack([picture(3), picture(4)])])
+        self.write_image("map.png", ground)
+        for y, height, degrees in ((400, 150, 35), (640, 200, 20), (300, 120, 30)):
+            H = camera_over_map(ground.shape[1] / 2, y, height, degrees)
+            view, is_seen = view_of_map(ground, H)
+            self.write_image("view.png", view)
+            shown = np.argwhere(is_seen[::20, ::20])[:, ::-1] * 20.0
+            places = {"view.png": shown, "map.png": mapped(np.linalg.inv(H), shown)}
+            for first, second in (("map.png", "view.png"), ("view.png", "map.png")):
+                run = self.match_photos(first, second, "--json", "out.json")
+                self.assertNotIn("warning: uncertain", run.stdout)
+                off = mapped(self.json()["homography"], places[first]) - places[second]
+                self.assertLess(np.linalg.norm(off, axis=1).max(), 1.0, (first, degrees))
 
     def test_the_uncertainty_of_the_corners_is_said_and_a_large_one_warned_of(self):
         sharp = self.match_photos("a.pgm", "b.pgm")
