@@ -50,7 +50,8 @@ class GuidedMatcher {
   /// are close together count as one match in the estimate. Without this, the part of the scene
   /// with the most matches would determine the estimate alone, and this part may be slightly off
   /// the plane of the rest. `matches`: all matches found, including those that disagree with the
-  /// estimate.
+  /// estimate, but without things that stand still in the image while the scene moves, such as hot
+  /// pixels.
   bool refine(const Features& reference, const Features& target, double threshold, bool by_cell,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

@@ -209,19 +209,18 @@ void Chain::runStages(const Stage* first, Context& context) {
   }
 }
 
-/// Returns true if the best homography comes from matches that stand still, such as hot pixels,
-/// while other matches agree that the scene moves. In this case, drops the matches that stand
+/// Returns true if matches that stand still, such as hot pixels, determine the homography or bend
+/// it, while other matches agree that the scene moves. In this case, drops the matches that stand
 /// still.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;
   if (hasTwoView(options) || result.status != Status::ok) return false;
-  if (!Standing::standsStill(result.answer.homography, context.reference, context.target)) {
+  if (!standing_.collect(context.reference, context.target, result.correspondences)) return false;
+  prosac_.estimate(standing_.moving(), context.reference.image_size, std::nullopt, labelled_);
+  if (labelled_.status != Status::ok || !standing_.isScene(result.answer.homography, labelled_)) {
     return false;
   }
-  standing_.collect(context.reference, context.target, result.correspondences);
-  prosac_.estimate(standing_.moving(), context.reference.image_size, std::nullopt, labelled_);
-  if (labelled_.status != Status::ok || !standing_.isScene(labelled_.mask)) return false;
   Standing::drop(context.reference, context.target, result.correspondences);
   return true;
 }

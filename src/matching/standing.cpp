@@ -16,6 +16,11 @@ using util::position;
 // where hot pixels are found, even a still keypoint may move by one pixel along each axis.
 constexpr double kStands = 0.7;  // px
 constexpr double kMoves = 1.5;   // px; a move by one pixel along both axes is 1.41 px long
+// Minimum number of moving matches, and of still matches that may mislead their homography; at most
+// ten agree by chance.
+constexpr std::size_t kLeast = 20;
+// Minimum number of the matches of one kind, as a share of the number of the other kind.
+constexpr double kLeastShare = 0.05;
 
 /// Side length, px, of a pixel of the pyramid level of the match; the coarser level if the two
 /// keypoints have different levels. If the scene moves by less than this length, the keypoints of
@@ -32,6 +37,11 @@ double pixelOf(const Features& reference, const Features& target, const Correspo
 
 double wayOf(const Features& reference, const Features& target, const Correspondence& match) {
   return (position(target, match.target_index) - position(reference, match.reference_index)).norm();
+}
+
+/// Returns true if the homography clearly moves what is at the given place.
+bool isMoved(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place) {
+  return homography::errorOf(homography, place, place) > 2.0 * kMoves;
 }
 
 /// Centre of points, and the root mean square of their distances from the centre, px.
@@ -52,18 +62,10 @@ struct Spread {
 
 }  // namespace
 
-bool Standing::standsStill(const Eigen::Matrix3d& homography, const Features& reference,
-                           const Features& target) {
-  const cv::Size& size = reference.image_size;
-  if (size.empty() || size != target.image_size) return false;
-  const homography::FourPoints corners = homography::imageCorners(size, {});
-  return std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector2d& corner) {
-    return homography::errorOf(homography, corner, corner) < kStands;
-  });
-}
-
-void Standing::collect(const Features& reference, const Features& target,
+bool Standing::collect(const Features& reference, const Features& target,
                        const std::vector<Correspondence>& matches) {
+  image_size_ = reference.image_size;
+  if (image_size_.empty() || image_size_ != target.image_size) return false;
   moving_.clear();
   moving_.rounding = util::kKeypointRounding;
   standing_.clear();
@@ -75,30 +77,42 @@ void Standing::collect(const Features& reference, const Features& target,
     if (way > kMoves * pixelOf(reference, target, c))
       moving_.add(from, position(target, c.target_index), c.ratio());
   }
+  const auto still = static_cast<double>(standing_.size());
+  const auto moving = static_cast<double>(moving_.size());
+  return std::min(standing_.size(), moving_.size()) >= kLeast &&
+         std::min(still, moving) >= kLeastShare * std::max(still, moving);
 }
 
-bool Standing::isScene(const std::vector<std::uint8_t>& mask) {
-  // Minimum number of moving matches; at most ten agree by chance.
-  constexpr std::size_t kLeast = 20;
-  // Minimum number of moving matches, as a share of the number of still matches.
-  constexpr double kLeastShare = 0.05;
+bool Standing::isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving) {
   // Minimum spread of the moving matches, as a share of the spread of the still matches. If the
   // moving matches cover only half of the image, this share is 0.76.
   constexpr double kLeastSpread = 0.75;
   // Maximum distance between the centres of moving and still matches, as a multiple of the spread
   // of the still matches. If the moving matches fill one half of a 16:9 image and the still matches
   // the other half, this distance is at least 0.9.
-  constexpr double kFarthest = 0.5;
+  constexpr double kFarthest = 0.7;
   agreeing_.clear();
-  for (std::size_t i = 0; i < mask.size(); ++i) {
-    if (mask[i] != 0) agreeing_.push_back(moving_.reference[i]);
+  for (std::size_t i = 0; i < moving.mask.size(); ++i) {
+    if (moving.mask[i] != 0) agreeing_.push_back(moving_.reference[i]);
   }
   const auto count = static_cast<double>(agreeing_.size());
-  const Spread moving(agreeing_), standing(standing_);
-  return agreeing_.size() >= kLeast &&
-         count >= kLeastShare * static_cast<double>(standing_.size()) &&
-         moving.size > kLeastSpread * standing.size &&
-         (moving.centre - standing.centre).norm() < kFarthest * standing.size;
+  const auto still = static_cast<double>(standing_.size());
+  if (agreeing_.size() < kLeast || count < kLeastShare * still) return false;
+  const homography::FourPoints corners = homography::imageCorners(image_size_, {});
+  const bool stands_still =
+      std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector2d& corner) {
+        return homography::errorOf(answer, corner, corner) < kStands;
+      });
+  if (stands_still && count > still) return true;
+  if (!stands_still) {
+    const auto contradicted = static_cast<std::size_t>(std::count_if(
+        standing_.begin(), standing_.end(),
+        [&](const Eigen::Vector2d& place) { return isMoved(moving.answer.homography, place); }));
+    if (contradicted < kLeast || 2 * contradicted < standing_.size()) return false;
+  }
+  const Spread spread(agreeing_), of_still(standing_);
+  return spread.size > kLeastSpread * of_still.size &&
+         (spread.centre - of_still.centre).norm() < kFarthest * of_still.size;
 }
 
 void Standing::drop(const Features& reference, const Features& target,
@@ -110,15 +124,25 @@ void Standing::drop(const Features& reference, const Features& target,
   }
 }
 
+void Standing::remove(const Eigen::Matrix3d& homography, const Features& reference,
+                      const Features& target, std::vector<Correspondence>& matches) {
+  const std::size_t still = count(homography, reference, target, matches);
+  const auto all = static_cast<double>(matches.size());
+  if (still < kLeast || static_cast<double>(still) < kLeastShare * all) return;
+  const auto stays = [&](const Correspondence& c) {
+    return wayOf(reference, target, c) < kMoves &&
+           isMoved(homography, position(reference, c.reference_index));
+  };
+  matches.erase(std::remove_if(matches.begin(), matches.end(), stays), matches.end());
+}
+
 std::size_t Standing::count(const Eigen::Matrix3d& homography, const Features& reference,
                             const Features& target, const std::vector<Correspondence>& matches) {
   if (reference.image_size != target.image_size) return 0;
   return static_cast<std::size_t>(
       std::count_if(matches.begin(), matches.end(), [&](const Correspondence& c) {
-        if (c.level < Level::kt) return false;
-        const Eigen::Vector2d from = position(reference, c.reference_index);
-        return wayOf(reference, target, c) < kStands &&
-               homography::errorOf(homography, from, from) > 2.0 * kMoves;
+        return c.level >= Level::kt && wayOf(reference, target, c) < kStands &&
+               isMoved(homography, position(reference, c.reference_index));
       }));
 }
 

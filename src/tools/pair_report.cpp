@@ -317,6 +317,12 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
     std::printf("warning: uncertain where there are no inliers: %s\n",
                 causeOf(outcome, corners).c_str());
   }
+  if (result.hasStillThings()) {
+    std::printf(
+        "warning: things stand still in the image while the scene moves, with %zu matches: hot "
+        "pixels, dirt on the lens, burned-in text; they are not part of the homography\n",
+        result.still);
+  }
   warnOfDepth(outcome, options.matcher);
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",

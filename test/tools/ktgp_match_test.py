@@ -11,12 +11,12 @@ from tool_case import (HEIGHT, OVER_A_PLANE, SOURCE, TOOLS, WIDTH, PairCase, cor
 SKY = 800, 600  # px
 
 
-def sky(motion, hot, noise):
+def sky(motion, hot, noise, count=450):
     """Stars, moved by a homography, and pixels of the sensor that are always bright; with noise of that seed."""
     width, height = SKY
     numbers, sensor = np.random.RandomState(5), np.random.RandomState(9)
     image = np.random.RandomState(noise).normal(12.0, 2.5, (height, width))
-    stars = mapped(motion, numbers.uniform((-40, -40), (width + 40, height + 40), (450, 2)))
+    stars = mapped(motion, numbers.uniform((-40, -40), (width + 40, height + 40), (count, 2)))
     y, x = np.mgrid[:height, :width]
     for (at_x, at_y), light in zip(stars, numbers.uniform(60, 240, len(stars))):
         near = tuple(slice(max(0, int(at) - 6), max(0, int(at) + 7)) for at in (at_y, at_x))
@@ -120,6 +120,23 @@ class KtgpMatch(PairCase):
             self.assertLess(off, 1.0, (preset, hot))
             right += 1
         self.assertGreaterEqual(2 * right, len(cases))
+
+    def check_sky(self, preset, motion, hot, stars):
+        self.write_image("before.png", sky(np.eye(3), hot, 0, stars))
+        self.write_image("after.png", sky(motion, hot, 100, stars))
+        self.match_photos("before.png", "after.png", "--preset", preset, "--json", "out.json", code=None)
+        found = self.json()
+        if found["status"] == "ok":
+            off, still = (np.linalg.norm(corners_off(found["homography"], truth, SKY), axis=1).max()
+                          for truth in (motion, np.eye(3)))
+            self.assertLess(off, 1.0, f"{found['inliers']} inliers; {still:.2f} px from standing still")
+
+    def test_hot_pixels_do_not_bend_a_sky_that_moves_by_less_than_two_thresholds(self):
+        for preset, hot, stars in (("photo", 900, 450), ("robust", 900, 350), ("photo", 900, 350),
+                                   ("robust", 200, 250), ("photo", 200, 250), ("photo", 900, 250)):
+            with self.subTest(preset=preset, hot=hot, stars=stars):
+                self.check_sky(preset, shift(4.6, 0), hot, stars)
+        self.check_sky("photo", shift(4.6, 0) @ turn(3), 900, 250)
 
     def test_a_plane_of_which_a_part_lies_behind_the_camera_is_found(self):
         """The map goes on behind the camera, or the horizon is in the view."""

@@ -7,6 +7,7 @@
 #include "homography/fit.h"
 #include "homography/part_in_view.h"
 #include "matching/knn/near_search.h"
+#include "matching/standing.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
 
@@ -112,6 +113,7 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target, do
                            std::vector<Correspondence>& matches) {
   Impl& impl = *impl_;
   match(reference, target, estimate.homography, matches);
+  matching::Standing::remove(estimate.homography, reference, target, matches);
   impl.reference_points.clear();
   impl.target_points.clear();
   for (const Correspondence& c : matches) {
