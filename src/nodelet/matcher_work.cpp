@@ -83,12 +83,14 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("inliers", match.match.inliers);
   diagnosis_.count(kStillThings, has_reference && match.match.hasStillThings() ? 1 : 0);
   // Every sequence begins with a frame without a reference, so one such frame is no problem.
-  diagnosis_.setProblem("reference",
-                        without_reference_ > 1 ? std::to_string(without_reference_) +
-                                                     " frames in a row without a reference: " +
-                                                     toString(match.no_reference)
-                                               : "",
-                        false);
+  diagnosis_.setProblem(
+      "reference",
+      without_reference_ > 1
+          ? util::format("%llu frames in a row without a reference: %s (%s)",
+                         static_cast<unsigned long long>(without_reference_),
+                         toString(match.no_reference), explanation(match.no_reference))
+          : "",
+      false);
   diagnosis_.setProblem("lens", lensProblem(match));
   // A frame without a reference has no geometry, and when the first one comes, camera_info may be
   // on its way. If a camera_info cannot be used, its arrival has logged the reason.

@@ -327,18 +327,15 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
   return cv_bridge::CvImage(header, encoding, pixels).toImageMsg();
 }
 
-namespace {
-
 const char* explanation(NoReference reason) {
   return util::nameOf<NoReference::lens_changed>(
-      reason,
-      {"matched", "no reference: the first frame",
-       "no reference: the previous frame is older than max_reference_age",
-       "no reference: the stamp went back", "no reference: the image size changed",
-       "no reference: the encoding changed",
-       "no reference: fixed mode without reference_image or set_reference", "no reference: reset",
-       "no reference: reference_mode changed", "no reference: another lens calibration"});
+      reason, {"matched", "the first frame", "the previous frame is older than max_reference_age",
+               "the stamp went back", "the image size changed", "the encoding changed",
+               "fixed mode without reference_image or set_reference", "reset",
+               "reference_mode changed", "another lens calibration"});
 }
+
+namespace {
 
 /// The image that the frame's keypoints refer to: it is rectified if the frame has a lens.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
@@ -361,7 +358,7 @@ sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const S
   cv::Mat canvas;
   const cv::Mat target = coloured(image, *match.frame);
   if (!match.reference) {
-    drawUnmatched(target, explanation(match.no_reference), canvas);
+    drawUnmatched(target, std::string("no reference: ") + explanation(match.no_reference), canvas);
   } else {
     const Frame& reference = *match.reference;
     drawOverlay({shown(reference.image, reference.lens), reference.features},

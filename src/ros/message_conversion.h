@@ -38,6 +38,10 @@ struct MatchedFrame {
   bool isRectified() const { return has_rectified_image || match.frame->lens != nullptr; }
 };
 
+/// Tells a user why a frame has no reference, such as "the previous frame is older than
+/// max_reference_age".
+const char* explanation(NoReference reason);
+
 /// Functions that make the messages of topics.def. They return null if this frame has no such
 /// message.
 #define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> make(const MatchedFrame&);

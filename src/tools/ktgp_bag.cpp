@@ -261,15 +261,16 @@ class Run {
            others + '\n';
   }
 
-  /// Advice on max_reference_age if the images are so far apart in time that they have no
-  /// reference; empty for other recordings.
+  /// Advice on max_reference_age if many images come so late after the image before that they have
+  /// no reference; empty for other recordings.
   std::string noteOnGaps() const {
-    const double step = metrics::median(steps_);
-    if (gaps_ == 0 || step <= max_age_) return {};
-    return "\n" + util::counted(gaps_, "image has", "images have") +
+    constexpr double kMany = 0.1;  // of all images; a recording may have single pauses
+    if (gaps_.size() <= kMany * static_cast<double>(matched_)) return {};
+    const double step = metrics::median(gaps_);
+    return "\n" + util::counted(gaps_.size(), "image has", "images have") +
            util::format(
-               " no reference: they are about %.3g s apart, and max_reference_age is %.3g s; "
-               "expected a larger one (--max_reference_age %.3g)",
+               " no reference: they come about %.3g s after the image before, and "
+               "max_reference_age is %.3g s; expected a larger one (--max_reference_age %.3g)",
                step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
   }
 
@@ -329,9 +330,9 @@ class Run {
     const cv::Size size = frame->image.size();
     longer_side_ = std::max({longer_side_, size.width, size.height});
     count(messages);
-    gaps_ += messages.statistics->reason == static_cast<std::uint8_t>(NoReference::gap) ? 1 : 0;
     const ros::Time& stamp = recorded.image->header.stamp;
-    if (matched_ > 1) steps_.push_back(secondsBetween(last_stamp_, stamp));
+    if (messages.statistics->reason == static_cast<std::uint8_t>(NoReference::gap))
+      gaps_.push_back(secondsBetween(last_stamp_, stamp));
     last_stamp_ = stamp;
     if (!is_fixed_ && matched.match.match.hasStillThings()) ++with_still_things_;
     views_.add(recorded.image, *messages.homography);
@@ -382,9 +383,8 @@ class Run {
   std::vector<double> inliers_;       // number of inliers of each match with a geometry
   std::vector<double> parallaxes_;    // parallax of each camera motion, degrees
   std::vector<double> milliseconds_;  // processing time of each image, ms
-  std::vector<double> steps_;         // time from each image to the next, s
+  std::vector<double> gaps_;  // time from an image to the next, where longer than max_age_, s
   ros::Time last_stamp_;
-  std::size_t gaps_ = 0;  // number of images that came more than max_age_ after the previous image
   double max_age_;
   std::uint64_t skipped_ = 0;
   // Images that are in the pipeline, each with the number of images that were skipped just before

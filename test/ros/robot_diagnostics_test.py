@@ -69,7 +69,7 @@ class DiagnosticsTest(MatcherCase):
 
     def test_a_camera_that_is_too_slow_for_the_reference(self):
         self.configure(max_reference_age=0.001)
-        values = self.wait_for('matcher', WARN, 'in a row without a reference: gap')
+        values = self.wait_for('matcher', WARN, 'in a row without a reference: gap (the previous frame is older than max_reference_age')
         self.assertEqual(values['last reason for no reference'], 'gap')
         self.configure(max_reference_age=1.0)
         self.wait_for('matcher', OK, 'homographies found')
