@@ -501,6 +501,24 @@ class ModuleTest(unittest.TestCase):
         with self.assertRaises(ValueError):
             motion.add(sequence.match(image, 9.0), camera, height=(-1.0, 0.01))
 
+    def test_motion_needs_a_reference_by_the_same_camera(self):
+        """Nobody knows the K of a drawn map; it has another size."""
+        large = picture(5, (900, 1200))
+        image = np.ascontiguousarray(large[150:630, 150:790])
+        camera = np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1.0]])
+        words = ('from a reference of 700x600 to an image of 640x480; expected a reference by the same camera: for a '
+                 'map, use Targets')
+
+        def move(width, height):
+            sequence = ktgp.Sequence('robust', reference_mode='fixed')
+            sequence.set_reference(np.ascontiguousarray(large[140:140 + height, 140:140 + width]))
+            frame = sequence.match(image, 1.0)
+            self.assertEqual(frame.status, 'ok')
+            ktgp.GroundMotion().add(frame, camera, height=(2.0, 0.01), down=(np.array([0, 0, 1.0]), 0.01))
+        move(640, 480)
+        with self.assertRaisesRegex(ValueError, words):
+            move(700, 600)
+
     def test_an_imu_whose_stamps_are_late(self):
         def angle(seconds):
             return 0.3 * math.sin(2 * seconds)

@@ -11,8 +11,9 @@ import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import TransformStamped
-from ktgp_testing import (FolderCase, image_message, messages_of, texture, view, view_of_hills, view_turned, views,
-                          write_bag)
+from ktgp_orb.msg import TwoViewGeometry
+from ktgp_testing import (FolderCase, corners_off, image_message, messages_of, shift, texture, view, view_of_hills,
+                          view_turned, views, write_bag)
 from poster import information
 from sensor_msgs.msg import CompressedImage, Image, Range
 from tf2_msgs.msg import TFMessage
@@ -191,11 +192,17 @@ class BagInputsTest(FolderCase):
     def test_seldom_images_are_named_with_the_parameter(self):
         """A survey with an image every two seconds."""
         text = self.run_bag(self.write_bag(rate=0.5), words=(
-            '%d images have no reference: they are about 2 s apart, and max_reference_age is 1 s' % (FRAMES - 1),
-            '--max_reference_age 4'))
+            '%d images have no reference: they come about 2 s after the image before, and max_reference_age is 1 s'
+            % (FRAMES - 1), '--max_reference_age 4'))
         self.assertIn('0 homographies', text)
         text = self.run_bag(self.path('in.bag'), '--max_reference_age', '4', words='%d homographies' % (FRAMES - 1))
         self.assertNotIn('no reference:', text)
+
+    def test_bursts_are_named_with_the_parameter(self):
+        """Two images every two seconds: only each second image has a reference."""
+        self.run_bag(self.write_bag(stamps=[2 * (i // 2) + .1 * (i % 2) for i in range(FRAMES)]), words=(
+            '%d images have no reference: they come about 1.9 s after the image before' % ((FRAMES - 1) // 2),
+            '--max_reference_age 4'))
 
     def test_a_mask_that_hides_all_or_nothing_is_named(self):
         bag = self.write_bag()
@@ -311,6 +318,39 @@ class BagInputsTest(FolderCase):
         self.run_bag(self.write_bag(near), '--mosaic', 'map.png', '--camera', '250,250,159.5,119.5', words=(
             'turned, tilted or moved too far for one plane', 'it does not only turn: the homographies are'))
 
+    def test_things_that_stand_still_while_the_scene_moves_are_named(self):
+        """Dirt on the lens, over a fifth of the image."""
+        dirt, words = texture(seed=8), 'things stand still in the image while the scene moves'
+        for is_dirty in (False, True):
+            pictures = [view(100 + 12 * i, 100) for i in range(FRAMES)]
+            for picture in pictures if is_dirty else ():
+                for spot in ((slice(120, 280), slice(80, 270)), (slice(200, 360), slice(360, 550))):
+                    picture[spot] = dirt[spot]
+            text = self.run_bag(self.write_bag(pictures), words='%d homographies' % (FRAMES - 1))
+            self.assertEqual(text.count(words + ': '), int(is_dirty), text)
+            for message in self.output('homography')[1:]:
+                self.assertLess(np.abs(corners_off(message.homography, shift(-12, 0))).max(), 1.0)
+
+    def check_dirty(self, step, spots):
+        """A picture of 320x240 that moves by `step` px a frame behind two spots that cover a fifth of it."""
+        dirt, pictures = texture(seed=8), [view(100 + step * i, 100, *SIZE) for i in range(FRAMES)]
+        for picture in pictures:
+            for y, x in spots:
+                picture[y:y + 80, x:x + 95] = dirt[y:y + 80, x:x + 95]
+        text = self.run_bag(self.write_bag(pictures))
+        off = [np.abs(corners_off(h.homography, shift(-step, 0), SIZE)).max() for h in self.output('homography')[1:]]
+        self.assertLess(max(off), 1.0, '%s\n%s' % (np.round(off, 2), text))
+
+    def test_a_scene_with_three_times_the_matches_of_dirt_moves(self):
+        for step in (9, 10):
+            with self.subTest(step=step):
+                self.check_dirty(step, ((20, 20), (130, 190)))
+
+    def test_a_scene_that_moves_by_less_than_two_thresholds_is_not_bent_by_dirt(self):
+        for spots in (((20, 20), (130, 190)), ((60, 40), (100, 180)), ((80, 40), (80, 180))):
+            with self.subTest(spots=spots):
+                self.check_dirty(5, spots)
+
     def test_growth_that_cannot_run_is_named(self):
         apart = self.write_bag([view(x, 100, *SIZE) for x in (100, 600)])
         words = 'growth has no effect with reference_mode previous'
@@ -421,6 +461,15 @@ class BagMotionInputsTest(FolderCase):
         self.record(self.mount() + ranges + back)
         self.check(source=('--motion_height_source', 'range'))
 
+    def test_a_transform_of_another_time_is_named_with_max_age(self):
+        """The clock of the machine that publishes the mount is 30 s behind that of the camera."""
+        self.record(self.mount(ahead=-30.0))
+        run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--motion', 'm.csv',
+                               '--motion_height_source', 'parameter', '--motion_height', 2.0, code=None, words=(
+                                   'where the camera is in base_frame is not known',
+                                   'tf has camera at other times, and not within max_age, 0.100 s, after the image'))
+        self.assertEqual([row['vx'] for row in self.table('m.csv') if row['vx']], [], run.stderr)
+
     def test_an_image_dated_ahead_is_left_out_and_named(self):
         for ahead in (0.5, 3600.0):
             self.record(self.mount(), stamp_of=lambda seconds, ahead=ahead: seconds + ahead * (
@@ -447,6 +496,24 @@ class BagMotionInputsTest(FolderCase):
         self.record(self.mount(), topic='camera/image_raw', info=info)
         run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--force', '--motion', 'm.csv', code=None)
         self.assertIn('the images have lens distortion', run.stderr)
+
+    def test_slam_takes_the_calibration_of_rectified_images_from_p(self):
+        """The camera turns by 2 degrees a frame; P has its focal length, K and the distortion do not fit."""
+        turns = [view_turned(2 * i, K[0, 0], 1.0, *SIZE) for i in range(-3, 4)]
+        other = np.array([[200.0, 0.0, 150.0], [0.0, 200.0, 110.0], [0.0, 0.0, 1.0]])
+        for topic, is_right in (('camera/image_rect/compressed', True), ('camera/image_color/compressed', False)):
+            self.record([], images=turns, topic=topic, convert=compressed,
+                        info=information(other, (-0.3, 0.1, 0.0, 0.0, 0.0), size=SIZE, p=K))
+            run = self.run_program(os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--force', '--preset', 'slam')
+            self.assertNotIn('no motion of the camera', run.stderr)
+            found = messages_of(self.path('out.bag'), '/camera/matcher/two_view')[1:]
+            angles = [np.degrees(2 * np.arccos(abs(each.pose.pose.orientation.w))) for each in found]
+            self.assertEqual(len(angles), len(turns) - 1)
+            if is_right:
+                self.assertEqual({each.geometry for each in found}, {TwoViewGeometry.GEOMETRY_ROTATION})
+                np.testing.assert_allclose(angles, 2.0, atol=0.03)
+            else:
+                self.assertGreater(np.abs(np.array(angles) - 2.0).min(), 0.1)
 
     def test_a_reference_by_another_camera_gives_no_motion(self):
         """Nobody knows the K of a drawn map."""

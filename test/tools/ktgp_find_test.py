@@ -1,10 +1,27 @@
 """Runs ktgp_find as a program."""
 import os
 import shutil
+import zlib
 
 import cv2
 import numpy as np
 from tool_case import HEIGHT, WIDTH, ToolCase, corners_off, mapped, picture, shift, window, write_pgm
+
+
+def png_of_palette(grey, is_shown):
+    """A PNG of 128 grey levels, each in the palette twice: opaque and transparent. The opacities come after a comment
+    of 9 kB."""
+    def chunk(name, data):
+        return len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
+
+    height, width = grey.shape
+    indices = np.where(is_shown, grey // 2, 128 + grey // 2).astype(np.uint8)
+    header = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 3, 0, 0, 0])
+    levels = np.repeat(np.tile(np.arange(0, 256, 2, dtype=np.uint8), 2), 3)
+    chunks = ((b"IHDR", header), (b"tEXt", b"Comment\0" + 9000 * b"x"), (b"PLTE", levels.tobytes()),
+              (b"tRNS", 128 * b"\xff" + 128 * b"\0"),
+              (b"IDAT", zlib.compress(np.pad(indices, ((0, 0), (1, 0))).tobytes())), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*each) for each in chunks)
 
 
 class KtgpFind(ToolCase):
@@ -81,6 +98,31 @@ class KtgpFind(ToolCase):
             scene[20:220, 60:260] = under
             cv2.imwrite(self.path("scene.png"), scene)
             self.find("scene.png", "signs", code=1, prints="none found")
+
+    def test_transparent_colours_of_a_palette_are_not_part_of_a_target(self):
+        """Found as in the file of the same pixels with an opacity each."""
+        sign, under = (window(picture(seed))[:200, :200] for seed in (21, 22))
+        y, x = np.mgrid[:200, :200]
+        disc = np.hypot(x - 99.5, y - 99.5) < 70
+        levels = np.where(disc, sign, under) // 2 * 2
+        scene = window(picture(23))
+        for name, shown in (("with_sign.png", np.where(disc, sign, scene[20:220, 60:260])), ("with_under.png", under)):
+            pasted = scene.copy()
+            pasted[20:220, 60:260] = shown
+            cv2.imwrite(self.path(name), pasted)
+        palette = png_of_palette(levels, disc)
+        self.assertGreater(palette.index(b"tRNS"), 2 * 4096)
+        opacity = np.where(disc, 255, 0).astype(np.uint8)
+        found = []
+        (self.folder / "signs").mkdir()
+        for content in (palette, cv2.imencode(".png", np.dstack([levels] * 3 + [opacity]))[1].tobytes()):
+            (self.folder / "signs" / "sign.png").write_bytes(content)
+            self.find("with_under.png", "signs", code=1, prints="none found")
+            self.find("with_sign.png", "signs", "--json", "out.json")
+            found.append(self.detections())
+        (first,), second = found
+        np.testing.assert_allclose(first["corners"], [(60, 20), (259, 20), (259, 219), (60, 219)], atol=1.0)
+        self.assertEqual([first], second)
 
     def test_a_target_that_is_transparent_everywhere_is_refused(self):
         cv2.imwrite(self.path("posters", "glass.png"), np.dstack([window(picture(8))] * 3 + [np.zeros_like(window(picture(8)))]))

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -102,14 +103,35 @@ cv::Mat view(const World& world, const Pose& pose, double field, std::uint64_t s
   });
 }
 
+/// Coefficients k1 k2 p1 p2 k3 k4 k5 k6 of the radial-tangential model that map rays like an
+/// equidistant lens, fitted up to 65 degrees from the axis: with x = tan(angle),
+/// x (1 + k1 x^2 + k2 x^4 + k3 x^6) = angle (1 + k4 x^2 + k5 x^4 + k6 x^6).
+std::vector<double> rationalCoefficients() {
+  constexpr int kAngles = 65;
+  Eigen::MatrixXd a(kAngles, 6);
+  Eigen::VectorXd b(kAngles);
+  for (int i = 0; i < kAngles; ++i) {
+    const double angle = radians(i + 1), x = std::tan(angle);
+    for (int power = 0; power < 3; ++power) {
+      const double even = std::pow(x, 2 * power + 2);
+      a(i, power) = x * even;
+      a(i, power + 3) = -angle * even;
+    }
+    b[i] = angle - x;
+  }
+  const Eigen::VectorXd k = a.colPivHouseholderQr().solve(b);
+  return {k[0], k[1], 0.0, 0.0, k[2], k[3], k[4], k[5]};
+}
+
 struct WideCamera {
-  explicit WideCamera(double field) {
+  WideCamera(double field, LensModel model) {
     const double f = focalLength(field);
     LensCalibration c;
-    c.model = LensModel::equidistant;
+    c.model = model;
     c.image_size = {kSide, kSide};
     c.camera = {f, 0.0, kMiddle, 0.0, f, kMiddle, 0.0, 0.0, 1.0};
-    c.distortion = {0.0, 0.0, 0.0, 0.0};
+    c.distortion =
+        model == LensModel::equidistant ? std::vector<double>(4, 0.0) : rationalCoefficients();
     c.rectified_camera = c.camera;
     lens = std::make_shared<const Lens>(c);
     k = test::cameraMatrix(f, f, kMiddle, kMiddle);
@@ -209,8 +231,8 @@ void addMotion(const WideCamera& camera, const std::array<cv::Mat, 2>& images, c
   tally.add(direction, kWrongDirection);
 }
 
-Row rowOf(double field) {
-  const WideCamera camera(field);
+Row rowOf(double field, LensModel model) {
+  const WideCamera camera(field, model);
   const Matrix3d back = camera.k.inverse();
   Row row;
   for (int trial = 0; trial < kTrials; ++trial) {
@@ -235,9 +257,16 @@ Row rowOf(double field) {
 }
 
 TEST(WideLens, HomographiesAndMotionsAreRightOrThereIsNone) {
-  for (const double field : {120.0, 140.0, 160.0, 180.0, 200.0}) {
-    const Row row = rowOf(field);
-    std::printf("| %.0f° |", field);
+  const auto equidistant = LensModel::equidistant, rational = LensModel::radial_tangential;
+  for (const auto& [field, model] : {std::pair{120.0, equidistant},
+                                     {140.0, equidistant},
+                                     {160.0, equidistant},
+                                     {180.0, equidistant},
+                                     {200.0, equidistant},
+                                     {120.0, rational},
+                                     {140.0, rational}}) {
+    const Row row = rowOf(field, model);
+    std::printf("| %.0f°%s |", field, model == rational ? ", rational" : "");
     for (const Tally& tally : {row.turn[0], row.turn[1], row.plane[0], row.plane[1]}) {
       std::printf(" %d, %.2f px |", tally.found, tally.worst);
       EXPECT_EQ(tally.wrong, 0) << field;
