@@ -11,7 +11,7 @@
 #include "homography/transform.h"
 #include "homography/verdict.h"
 #include "matching/neighbours.h"
-#include "matching/standing.h"
+#include "matching/standing/standing.h"
 #include "util/keypoint_position.h"
 #include "util/milliseconds.h"
 #include "util/names.h"

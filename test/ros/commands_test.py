@@ -136,7 +136,8 @@ NOT_RUN = {
         'dev/check', '{sudo ,}dev/check_platform bookworm', 'dev/check_workspace', 'dev/sanitize{, thread, address}',
         'scripts/test -L long -R long_soak', 'rostest test/ros/stream.test name:=lazy program:=lazy_test'],
     'takes minutes to hours': [
-        'KTGP_ORB_DAMAGES=200000 test/ros_tests --file=hostile_bag_test', 'dev/check_arm64{, --fast, --rest, knn_matcher_test}',
+        'KTGP_ORB_DAMAGES=200000 test/ros_tests --file=hostile_bag_test', 'scripts/test -L long -R mosaic',
+        'dev/check_arm64{, --fast, --rest, knn_matcher_test}',
         'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
         'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly{, fuzz latency, --list}', 'dev/sanitize thread full',
         'dev/mutate{, --refresh, --refresh 15 1, matching/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',

@@ -7,7 +7,7 @@
 #include "homography/fit.h"
 #include "homography/part_in_view.h"
 #include "matching/knn/near_search.h"
-#include "matching/standing.h"
+#include "matching/standing/standing.h"
 #include "util/keypoint_position.h"
 #include "util/options_check.h"
 

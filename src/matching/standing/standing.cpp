@@ -1,4 +1,4 @@
-#include "matching/standing.h"
+#include "matching/standing/standing.h"
 
 #include <algorithm>
 #include <cmath>
