@@ -46,7 +46,7 @@ ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, in
 struct GrowthResult {
   bool found = false;
   /// True if nothing was found because the scene repeats itself: the most significant homographies
-  /// are not explained by chance, but a shifted copy could be right instead.
+  /// are not explained by chance, but another place could be right instead.
   bool is_repetitive = false;
   UncertainHomography answer;  ///< zero unless found
   /// The matches that support the homography: mutual nearest neighbours within 4 px of the

@@ -167,9 +167,10 @@ struct MatchResult {
   double rmse = 0.0;  ///< root mean square reprojection error of the inliers, px
   /// Number of matches that passed the ratio filter and have the same position in both images,
   /// although `answer` says that the scene moves by 3 px or more. Such matches come from hot
-  /// pixels, dirt on the lens, or text that is drawn into the images. If more matches stand still
-  /// than move, and both kinds are spread over the whole image, the moving matches determine the
-  /// answer, and the matches that stand still get Level::kt.
+  /// pixels, dirt on the lens, or text that is drawn into the images. If they would determine the
+  /// answer or bend it, and the moving matches agree on one motion and are spread like them or are
+  /// a clear majority, the moving matches alone determine the answer, and those that stand still
+  /// get Level::kt.
   std::size_t still = 0;
   /// Returns true if more matches stand still than chance can explain.
   bool hasStillThings() const { return still >= 10 && 20 * still >= inliers; }

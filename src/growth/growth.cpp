@@ -432,15 +432,16 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
       return;
     }
   }
-  bool repeats = false;
+  bool repeats = false, refused_otherwise = false;
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i]) && !growth::isRepeated(grown[i])) continue;
     if (!isBacked(i, repeats)) continue;
     const auto is_rival = [&](std::size_t other) { return isRival(other, i); };
     result.is_repetitive = std::any_of(order.begin(), order.end(), is_rival);
     if (result.is_repetitive || store(grown[i], result)) return;
+    refused_otherwise = true;
   }
-  result.is_repetitive = repeats;
+  result.is_repetitive = repeats && !refused_otherwise;
 }
 
 void HomographyGrowth::Impl::describe(const growth::Judgement& judgement, GrowthResult& result) {

@@ -17,6 +17,9 @@ Eigen::Matrix3d facing(const Eigen::Matrix3d& homography);
 /// share of the largest third coordinate of the mapped corners. At this limit, a pixel of the
 /// reference is stretched 10^6 times.
 inline constexpr double kAtHorizon = 1e-3;
+/// The same for outlines that are drawn or intersected: beyond, they would reach so far out of the
+/// image that float coordinates lose their digits.
+inline constexpr double kNearHorizon = 0.02;
 
 /// Corners of a part of an image. No heap memory is used.
 class PartOfImage {

@@ -181,7 +181,9 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   Context context{reference, target, hints, result};
   runStages(kStages, context);
   if (sceneMoves(context)) {
+    clearGeometry(result);
     guided_matches_.clear();
+    context.doubt.reset();
     runStages(kProsacStage, context);
   }
   if (result.homographyStatus() == Status::ok) {
@@ -197,7 +199,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   result.geometry = turned ? Geometry::rotation : Geometry::plane;
 }
 
-/// Runs `first` and all stages after it.
+/// Runs `first` and all stages after it. Adds their times to those of an earlier run.
 void Chain::runStages(const Stage* first, Context& context) {
   std::vector<StageResult>& stages = context.result.stages;
   for (const Stage* stage = first; stage != std::end(kStages); ++stage) {
@@ -205,23 +207,25 @@ void Chain::runStages(const Stage* first, Context& context) {
     const auto start = std::chrono::steady_clock::now();
     StageResult& listed = *std::find_if(stages.begin(), stages.end(),
                                         [&](const StageResult& s) { return s.id == stage->id; });
-    if ((this->*stage->run)(context, listed)) listed.milliseconds = util::millisecondsSince(start);
+    if ((this->*stage->run)(context, listed)) listed.milliseconds += util::millisecondsSince(start);
   }
 }
 
-/// Returns true if matches that stand still, such as hot pixels, determine the homography or bend
-/// it, while other matches agree that the scene moves. In this case, drops the matches that stand
-/// still.
+/// Returns true if matches that stand still, such as hot pixels, may determine the homography or
+/// bend it, while other matches agree that the scene moves. In this case, the matches that stand
+/// still do not count any more.
 bool Chain::sceneMoves(Context& context) {
   using matching::Standing;
   MatchResult& result = context.result;
   if (hasTwoView(options) || result.status != Status::ok) return false;
   if (!standing_.collect(context.reference, context.target, result.correspondences)) return false;
   prosac_.estimate(standing_.moving(), context.reference.image_size, std::nullopt, labelled_);
-  if (labelled_.status != Status::ok || !standing_.isScene(result.answer.homography, labelled_)) {
+  if (labelled_.status != Status::ok ||
+      !standing_.isScene(result.answer.homography, labelled_, options.prosac.max_error)) {
     return false;
   }
-  Standing::drop(context.reference, context.target, result.correspondences);
+  Standing::lower(labelled_.answer.homography, context.reference, context.target,
+                  result.correspondences);
   return true;
 }
 

@@ -80,13 +80,10 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
                  cv::Mat& canvas) {
   if (result.homographyStatus() != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  // Towards the horizon, points are mapped towards infinity, and their homogeneous coordinate z
-  // goes to 0. Cut the outline off where z is 1/50 of its largest value at the corners (see
-  // partInView).
-  constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d view = homography::facing(result.answer.homography);
   std::vector<cv::Point> outline;
-  for (const Eigen::Vector2d& corner : homography::partInView(view, corners, kNearHorizon)) {
+  for (const Eigen::Vector2d& corner :
+       homography::partInView(view, corners, homography::kNearHorizon)) {
     const Eigen::Vector2d p = homography::project(view, corner);
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // outside the range of OpenCV's drawing functions
     outline.push_back(subpixel(p.x(), p.y()));

@@ -331,7 +331,7 @@ const char* explanation(NoReference reason) {
   return util::nameOf<NoReference::lens_changed>(
       reason, {"matched", "the first frame", "the previous frame is older than max_reference_age",
                "the stamp went back", "the image size changed", "the encoding changed",
-               "fixed mode without reference_image or set_reference", "reset",
+               "fixed mode without reference_image or set_reference", "the matcher was reset",
                "reference_mode changed", "another lens calibration"});
 }
 

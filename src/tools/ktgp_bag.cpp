@@ -266,12 +266,14 @@ class Run {
   std::string noteOnGaps() const {
     constexpr double kMany = 0.1;  // of all images; a recording may have single pauses
     if (gaps_.size() <= kMany * static_cast<double>(matched_)) return {};
+    constexpr double kLongest = 600.0;  // s; the largest value of max_reference_age
     const double step = metrics::median(gaps_);
+    if (step > kLongest) return {};
     return "\n" + util::counted(gaps_.size(), "image has", "images have") +
            util::format(
                " no reference: they come about %.3g s after the image before, and "
                "max_reference_age is %.3g s; expected a larger one (--max_reference_age %.3g)",
-               step, max_age_, std::min(600.0, std::ceil(2.0 * step)));
+               step, max_age_, std::min(kLongest, std::ceil(2.0 * step)));
   }
 
   /// Tells the user why the camera_info does not fit the images; only at the first such image.

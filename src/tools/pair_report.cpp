@@ -103,9 +103,6 @@ void printStages(const Outcome& outcome, const MatcherOptions& options) {
 /// The corners of the part of A that is visible in B, px of A. If this part is unknown, the corners
 /// of A.
 std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
-  // The plane of A may extend to the horizon of B. Farther corners would be mapped so far out that
-  // the intersection would lose its digits.
-  constexpr double kNearHorizon = 0.02;
   const Eigen::Matrix3d h = homography::facing(outcome.pair.match.answer.homography);
   const auto corners = homography::imageCorners(outcome.pair.reference.image_size, {});
   std::vector<Eigen::Vector2d> common(corners.begin(), corners.end());
@@ -113,7 +110,8 @@ std::vector<Eigen::Vector2d> commonCorners(const Outcome& outcome) {
   std::vector<cv::Point2f> target;
   std::vector<cv::Point2f> overlap;
   target.reserve(corners.size());
-  for (const Eigen::Vector2d& corner : homography::partInView(h, corners, kNearHorizon)) {
+  for (const Eigen::Vector2d& corner :
+       homography::partInView(h, corners, homography::kNearHorizon)) {
     const Eigen::Vector2d p = homography::project(h, corner);
     outline.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
   }
@@ -320,7 +318,7 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   if (result.hasStillThings()) {
     std::printf(
         "warning: things stand still in the image while the scene moves, with %zu matches: hot "
-        "pixels, dirt on the lens, burned-in text; they are not part of the homography\n",
+        "pixels, dirt on the lens, text or a part of the vehicle\n",
         result.still);
   }
   warnOfDepth(outcome, options.matcher);

@@ -338,8 +338,9 @@ class BagInputsTest(FolderCase):
             for y, x in spots:
                 picture[y:y + 80, x:x + 95] = dirt[y:y + 80, x:x + 95]
         text = self.run_bag(self.write_bag(pictures))
+        self.assertIn('%d homographies' % (FRAMES - 1), text)
         off = [np.abs(corners_off(h.homography, shift(-step, 0), SIZE)).max() for h in self.output('homography')[1:]]
-        self.assertLess(max(off), 1.0, '%s\n%s' % (np.round(off, 2), text))
+        self.assertLess(np.max(off), 1.0, '%s\n%s' % (np.round(off, 2), text))
 
     def test_a_scene_with_three_times_the_matches_of_dirt_moves(self):
         for step in (9, 10):

@@ -113,7 +113,7 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target, do
                            std::vector<Correspondence>& matches) {
   Impl& impl = *impl_;
   match(reference, target, estimate.homography, matches);
-  matching::Standing::remove(estimate.homography, reference, target, matches);
+  matching::Standing::erase(estimate.homography, reference, target, matches);
   impl.reference_points.clear();
   impl.target_points.clear();
   for (const Correspondence& c : matches) {

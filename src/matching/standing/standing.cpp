@@ -44,19 +44,22 @@ bool isMoved(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place) {
   return homography::errorOf(homography, place, place) > 2.0 * kMoves;
 }
 
-/// Centre of points, and the root mean square of their distances from the centre, px.
+/// Centre of points, and the root mean square of their distances from the centre, px, in all and
+/// along x and y.
 struct Spread {
   explicit Spread(const std::vector<Eigen::Vector2d>& points) {
     const double count = std::max(1.0, static_cast<double>(points.size()));
-    double squares = 0.0;
+    Eigen::Array2d squares = Eigen::Array2d::Zero();
     for (const Eigen::Vector2d& point : points) {
       centre += point / count;
-      squares += point.squaredNorm() / count;
+      squares += point.array().square() / count;
     }
-    size = std::sqrt(std::max(0.0, squares - centre.squaredNorm()));
+    along = (squares - centre.array().square()).max(0.0).sqrt();
+    size = along.matrix().norm();
   }
 
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  Eigen::Array2d along = Eigen::Array2d::Zero();
   double size = 0.0;
 };
 
@@ -77,55 +80,68 @@ bool Standing::collect(const Features& reference, const Features& target,
     if (way > kMoves * pixelOf(reference, target, c))
       moving_.add(from, position(target, c.target_index), c.ratio());
   }
-  const auto still = static_cast<double>(standing_.size());
-  const auto moving = static_cast<double>(moving_.size());
-  return std::min(standing_.size(), moving_.size()) >= kLeast &&
-         std::min(still, moving) >= kLeastShare * std::max(still, moving);
+  return std::min(standing_.size(), moving_.size()) >= kLeast;
 }
 
-bool Standing::isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving) {
+/// Number of places of still matches that the homography moves by more than `least` px.
+std::size_t Standing::countMoved(const Eigen::Matrix3d& homography, double least) const {
+  return static_cast<std::size_t>(
+      std::count_if(standing_.begin(), standing_.end(), [&](const Eigen::Vector2d& place) {
+        return homography::errorOf(homography, place, place) > least;
+      }));
+}
+
+bool Standing::isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving,
+                       double max_error) {
+  // Minimum number of moving matches, as a multiple of the number of still matches, if they need
+  // not be spread like these.
+  constexpr double kClearMajority = 2.0;
   // Minimum spread of the moving matches, as a share of the spread of the still matches. If the
   // moving matches cover only half of the image, this share is 0.76.
   constexpr double kLeastSpread = 0.75;
-  // Maximum distance between the centres of moving and still matches, as a multiple of the spread
-  // of the still matches. If the moving matches fill one half of a 16:9 image and the still matches
-  // the other half, this distance is at least 0.9.
-  constexpr double kFarthest = 0.7;
+  // Maximum distance between the centres of moving and still matches along x and y, as a multiple
+  // of the spread of the still matches along this axis. If the moving matches fill a band at the
+  // border of the image and the still matches the rest, this distance is at least 1.7.
+  constexpr double kFarthest = 1.0;
   agreeing_.clear();
   for (std::size_t i = 0; i < moving.mask.size(); ++i) {
     if (moving.mask[i] != 0) agreeing_.push_back(moving_.reference[i]);
   }
   const auto count = static_cast<double>(agreeing_.size());
   const auto still = static_cast<double>(standing_.size());
-  if (agreeing_.size() < kLeast || count < kLeastShare * still) return false;
+  if (agreeing_.size() < kLeast) return false;
+  if (std::min(count, still) < kLeastShare * std::max(count, still)) return false;
+
+  const std::size_t contradicted = countMoved(moving.answer.homography, 2.0 * kMoves);
+  const bool is_contradicted = contradicted >= kLeast && 2 * contradicted >= standing_.size();
   const homography::FourPoints corners = homography::imageCorners(image_size_, {});
   const bool stands_still =
       std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector2d& corner) {
         return homography::errorOf(answer, corner, corner) < kStands;
       });
-  if (stands_still && count > still) return true;
-  if (!stands_still) {
-    const auto contradicted = static_cast<std::size_t>(std::count_if(
-        standing_.begin(), standing_.end(),
-        [&](const Eigen::Vector2d& place) { return isMoved(moving.answer.homography, place); }));
-    if (contradicted < kLeast || 2 * contradicted < standing_.size()) return false;
+  if (stands_still) {
+    if (is_contradicted && count > kClearMajority * still) return true;
+  } else {
+    // Matches that are far from their predicted positions have no influence on the answer.
+    const bool is_mixture = 2 * countMoved(answer, 2.0 * max_error) <= standing_.size();
+    if (!is_contradicted || !is_mixture) return false;
   }
   const Spread spread(agreeing_), of_still(standing_);
-  return spread.size > kLeastSpread * of_still.size &&
-         (spread.centre - of_still.centre).norm() < kFarthest * of_still.size;
+  const Eigen::Array2d apart = (spread.centre - of_still.centre).array().abs();
+  return spread.size > kLeastSpread * of_still.size && (apart < kFarthest * of_still.along).all();
 }
 
-void Standing::drop(const Features& reference, const Features& target,
-                    std::vector<Correspondence>& matches) {
+void Standing::lower(const Eigen::Matrix3d& homography, const Features& reference,
+                     const Features& target, std::vector<Correspondence>& matches) {
   for (Correspondence& c : matches) {
-    if (c.level >= Level::kt && !(wayOf(reference, target, c) > kMoves)) {
-      c.level = std::min(c.level, Level::kt);
-    }
+    if (c.level < Level::kt || wayOf(reference, target, c) > kMoves) continue;
+    const Eigen::Vector2d from = position(reference, c.reference_index);
+    if (homography::errorOf(homography, from, from) > kMoves) c.level = Level::kt;
   }
 }
 
-void Standing::remove(const Eigen::Matrix3d& homography, const Features& reference,
-                      const Features& target, std::vector<Correspondence>& matches) {
+void Standing::erase(const Eigen::Matrix3d& homography, const Features& reference,
+                     const Features& target, std::vector<Correspondence>& matches) {
   const std::size_t still = count(homography, reference, target, matches);
   const auto all = static_cast<double>(matches.size());
   if (still < kLeast || static_cast<double>(still) < kLeastShare * all) return;

@@ -16,8 +16,7 @@ namespace ktgp_orb::matching {
 class Standing {
  public:
   /// Divides the matches that passed GMS into matches that stand still and matches that move.
-  /// Returns true if there are enough of both that one of the two may mislead the homography of the
-  /// other.
+  /// Returns true if there are more than a few of both.
   bool collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
@@ -25,23 +24,27 @@ class Standing {
   /// `answer`: homography of all matches. `moving`: homography of the moving matches, whose mask
   /// marks those that agree with it. There must be enough of them, and they must be spread over the
   /// same part of the image as the matches that stand still; a single object covers less. If the
-  /// answer leaves the whole image in place, it is also enough that they are the majority. If it
-  /// does not, it may be a mixture of both motions; then `moving` must contradict most of the
-  /// matches that stand still, which is not so for those near the axis of a turn.
-  bool isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving);
-  /// Lowers the level of each match that does not move to Level::kt, as if it had not passed GMS.
-  static void drop(const Features& reference, const Features& target,
-                   std::vector<Correspondence>& matches);
-  /// Removes the matches that do not move at places where the homography moves the scene, if more
-  /// of them stand still than chance can explain.
-  static void remove(const Eigen::Matrix3d& homography, const Features& reference,
-                     const Features& target, std::vector<Correspondence>& matches);
+  /// answer leaves the whole image in place, it is also enough that they are a clear majority. If
+  /// it does not, it may be a mixture of both motions; then most of the matches that stand still
+  /// must contradict `moving`, unlike those near the axis of a turn, but not the answer.
+  /// `max_error`: largest error of an inlier, px.
+  bool isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving, double max_error);
+  /// Lowers the level of each match that does not move where the homography moves the scene to
+  /// Level::kt, as if it had not passed GMS.
+  static void lower(const Eigen::Matrix3d& homography, const Features& reference,
+                    const Features& target, std::vector<Correspondence>& matches);
+  /// Erases the matches that do not move where the homography clearly moves the scene, if more of
+  /// them stand still than chance can explain.
+  static void erase(const Eigen::Matrix3d& homography, const Features& reference,
+                    const Features& target, std::vector<Correspondence>& matches);
   /// Number of matches that passed the ratio filter and stand still at places where the homography
   /// moves the scene.
   static std::size_t count(const Eigen::Matrix3d& homography, const Features& reference,
                            const Features& target, const std::vector<Correspondence>& matches);
 
  private:
+  std::size_t countMoved(const Eigen::Matrix3d& homography, double least) const;
+
   cv::Size image_size_;
   PointPairs moving_;
   std::vector<Eigen::Vector2d> standing_;

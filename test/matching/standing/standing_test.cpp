@@ -73,24 +73,44 @@ TEST(KtgpMatcher, HotPixelsAreNotTakenForTheSky) {
   }
 }
 
-// A dirty lens, or text that a recorder burns in: most of the picture moves.
-TEST(KtgpMatcher, ThingsThatStandStillInAMovingPictureAreCounted) {
+/// A ground that a camera flies over, `x` px from its left border, seen through a lens that may be
+/// dirty at two places.
+cv::Mat viewThroughLens(int x, bool is_dirty) {
   const cv::Mat ground = test::textureImage(cv::Size(900, 500), 4);
   const cv::Mat flaws = test::textureImage(cv::Size(640, 480), 8);
-  const auto view = [&](int x, bool dirty) {
-    cv::Mat image = ground(cv::Rect(x, 10, 640, 480)).clone();
-    for (const cv::Rect& spot : {cv::Rect(20, 20, 180, 70), cv::Rect(420, 300, 150, 90)}) {
-      if (dirty) flaws(spot).copyTo(image(spot));
-    }
-    return image;
-  };
-  for (const bool dirty : {false, true}) {
+  cv::Mat image = ground(cv::Rect(x, 10, 640, 480)).clone();
+  for (const cv::Rect& spot : {cv::Rect(20, 20, 180, 70), cv::Rect(420, 300, 150, 90)}) {
+    if (is_dirty) flaws(spot).copyTo(image(spot));
+  }
+  return image;
+}
+
+// A dirty lens, or text that a recorder burns in: most of the picture moves.
+TEST(KtgpMatcher, ThingsThatStandStillInAMovingPictureAreCounted) {
+  for (const bool is_dirty : {false, true}) {
     KtgpMatcher matcher;
     MatchResult result;
-    matcher.match(manyFeatures(view(0, dirty), 2000), manyFeatures(view(9, dirty), 2000), result);
+    matcher.match(manyFeatures(viewThroughLens(0, is_dirty), 2000),
+                  manyFeatures(viewThroughLens(9, is_dirty), 2000), result);
     ASSERT_EQ(result.status, Status::ok);
     EXPECT_NEAR(result.answer.homography(0, 2), -9.0, 0.5);
-    EXPECT_EQ(result.hasStillThings(), dirty) << result.still;
+    EXPECT_EQ(result.hasStillThings(), is_dirty) << result.still;
+  }
+}
+
+// The still matches are within the threshold of the right homography, and would bend it.
+TEST(KtgpMatcher, ThingsThatStandStillDoNotBendAMotionOfAFewPixels) {
+  for (const MatcherOptions& options : {MatcherOptions::ktgp(), MatcherOptions::robust()}) {
+    for (const int way : {4, 5, 6}) {
+      KtgpMatcher matcher(options);
+      MatchResult result;
+      matcher.match(manyFeatures(viewThroughLens(0, true), 2000),
+                    manyFeatures(viewThroughLens(way, true), 2000), result);
+      ASSERT_EQ(result.status, Status::ok);
+      const Eigen::Matrix3d truth = test::translation(-way, 0.0);
+      EXPECT_LT(test::cornerError(result.answer.homography, truth, {640, 480}), 0.5) << way;
+      EXPECT_TRUE(result.hasStillThings()) << result.still;
+    }
   }
 }
 
@@ -109,6 +129,22 @@ TEST(KtgpMatcher, PassingThingsDoNotMoveAStandingCamera) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_LT((result.answer.homography - Eigen::Matrix3d::Identity()).norm(), 0.5);
   EXPECT_EQ(result.still, 0U);
+}
+
+// A river in the lower part of a wide image.
+TEST(KtgpMatcher, ABandThatMovesDoesNotMoveAStandingCamera) {
+  const cv::Mat bank = test::textureImage(cv::Size(1280, 480), 4);
+  const cv::Mat river = test::textureImage(cv::Size(1400, 200), 8);
+  const auto view = [&](int x) {
+    cv::Mat image = bank.clone();
+    river(cv::Rect(x, 0, 1280, 200)).copyTo(image(cv::Rect(0, 280, 1280, 200)));
+    return image;
+  };
+  KtgpMatcher matcher;
+  MatchResult result;
+  matcher.match(manyFeatures(view(0), 3000), manyFeatures(view(60), 3000), result);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_LT((result.answer.homography - Eigen::Matrix3d::Identity()).norm(), 0.5);
 }
 
 }  // namespace
