@@ -254,10 +254,9 @@ PageCounts countPages(double overlap, std::uint64_t first, std::uint64_t last,
       matcher.match(pair.frames.reference, pair.frames.target, result);
       const bool found = result.status == Status::ok;
       const bool right =
-          found &&
-          ((apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() <
-               right_within ||
-           squaredDeviation(result.answer, pair.truth) < kBound);
+          found && ((apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() <
+                        right_within ||
+                    squaredDeviation(result.answer, pair.truth) < kBound);
       ++counts.pairs;
       counts.found += found ? 1 : 0;
       counts.wrong += found && !right ? 1 : 0;
