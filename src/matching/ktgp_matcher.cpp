@@ -219,11 +219,9 @@ bool Chain::sceneMoves(Context& context) {
   MatchResult& result = context.result;
   if (hasTwoView(options) || result.status != Status::ok) return false;
   if (!standing_.collect(context.reference, context.target, result.correspondences)) return false;
+  if (!standing_.mayMislead(result.answer.homography, options.prosac.max_error)) return false;
   prosac_.estimate(standing_.moving(), context.reference.image_size, std::nullopt, labelled_);
-  if (labelled_.status != Status::ok ||
-      !standing_.isScene(result.answer.homography, labelled_, options.prosac.max_error)) {
-    return false;
-  }
+  if (labelled_.status != Status::ok || !standing_.isScene(labelled_)) return false;
   Standing::lower(labelled_.answer.homography, context.reference, context.target,
                   result.correspondences);
   return true;

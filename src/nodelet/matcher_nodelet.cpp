@@ -9,6 +9,7 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
+#include "matching/standing/standing.h"
 #include "nodelet/image_node.h"
 #include "nodelet/matcher_settings.h"
 #include "nodelet/matcher_work.h"
@@ -262,7 +263,9 @@ void MatcherNodelet::beforeReport() {
                                                        (size.empty() ? "" : "; " + size));
   const auto with_still_things = static_cast<double>(diagnosis_.recent(kStillThings));
   const bool are_still = !is_fixed_ && frames > 0.0 && with_still_things > kMinShare * frames;
-  diagnosis_.setProblem("still", are_still ? kThingsStandStill : "");
+  diagnosis_.setProblem(
+      "still",
+      are_still ? std::string(matching::kThingsStandStill) + "; hide them with mask_image" : "");
   diagnosis_.setState(frames == 0.0 ? "nothing to match" : what + " found");
   diagnosis_.setValue("share with geometry", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }

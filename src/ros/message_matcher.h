@@ -9,12 +9,6 @@
 
 namespace ktgp_orb {
 
-/// Warning for users if MatchResult::hasStillThings() is true in most frames.
-constexpr const char* kThingsStandStill =
-    "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
-    "a "
-    "part of the vehicle; hide them with mask_image";
-
 /// Converts image messages to frames and matches them with the node's parameters. Not thread-safe.
 class MessageMatcher {
  public:

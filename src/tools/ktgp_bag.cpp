@@ -24,6 +24,7 @@
 #include "files/output_file.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/status.h"
+#include "matching/standing/standing.h"
 #include "ros/camera.h"
 #include "ros/image_conversion.h"
 #include "ros/message_matcher.h"
@@ -246,7 +247,9 @@ class Run {
       others += "\n" + util::counted(repeated_, "image repeats the one before, and is no new frame",
                                      "images repeat the one before, and are no new frames");
     }
-    if (2 * with_still_things_ > found) others += std::string("\n") + kThingsStandStill;
+    if (2 * with_still_things_ > found) {
+      others += std::string("\n") + matching::kThingsStandStill + "; hide them with mask_image";
+    }
     const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     others += noteOnGaps();
     if (growth_is_idle_ && unmatched > 0) {

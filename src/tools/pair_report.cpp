@@ -8,6 +8,7 @@
 
 #include "homography/part_in_view.h"
 #include "homography/transform.h"
+#include "matching/standing/standing.h"
 #include "tools/matcher_cli.h"
 #include "two_view/cameras.h"
 #include "two_view/fields.h"
@@ -316,10 +317,7 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
                 causeOf(outcome, corners).c_str());
   }
   if (result.hasStillThings()) {
-    std::printf(
-        "warning: things stand still in the image while the scene moves, with %zu matches: hot "
-        "pixels, dirt on the lens, text or a part of the vehicle\n",
-        result.still);
+    std::printf("warning: %zu matches: %s\n", result.still, matching::kThingsStandStill);
   }
   warnOfDepth(outcome, options.matcher);
   if (outcome.truth) {

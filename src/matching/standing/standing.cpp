@@ -91,8 +91,17 @@ std::size_t Standing::countMoved(const Eigen::Matrix3d& homography, double least
       }));
 }
 
-bool Standing::isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving,
-                       double max_error) {
+bool Standing::mayMislead(const Eigen::Matrix3d& answer, double max_error) {
+  const homography::FourPoints corners = homography::imageCorners(image_size_, {});
+  answer_stands_still_ =
+      std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector2d& corner) {
+        return homography::errorOf(answer, corner, corner) < kStands;
+      });
+  // Matches that are far from their predicted positions have no influence on the answer.
+  return answer_stands_still_ || 2 * countMoved(answer, 2.0 * max_error) <= standing_.size();
+}
+
+bool Standing::isScene(const ProsacResult& moving) {
   // Minimum number of moving matches, as a multiple of the number of still matches, if they need
   // not be spread like these.
   constexpr double kClearMajority = 2.0;
@@ -114,18 +123,8 @@ bool Standing::isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving
 
   const std::size_t contradicted = countMoved(moving.answer.homography, 2.0 * kMoves);
   const bool is_contradicted = contradicted >= kLeast && 2 * contradicted >= standing_.size();
-  const homography::FourPoints corners = homography::imageCorners(image_size_, {});
-  const bool stands_still =
-      std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector2d& corner) {
-        return homography::errorOf(answer, corner, corner) < kStands;
-      });
-  if (stands_still) {
-    if (is_contradicted && count > kClearMajority * still) return true;
-  } else {
-    // Matches that are far from their predicted positions have no influence on the answer.
-    const bool is_mixture = 2 * countMoved(answer, 2.0 * max_error) <= standing_.size();
-    if (!is_contradicted || !is_mixture) return false;
-  }
+  if (answer_stands_still_ && is_contradicted && count > kClearMajority * still) return true;
+  if (!answer_stands_still_ && !is_contradicted) return false;
   const Spread spread(agreeing_), of_still(standing_);
   const Eigen::Array2d apart = (spread.centre - of_still.centre).array().abs();
   return spread.size > kLeastSpread * of_still.size && (apart < kFarthest * of_still.along).all();

@@ -11,6 +11,11 @@
 
 namespace ktgp_orb::matching {
 
+/// Warning for users if MatchResult::hasStillThings() is true.
+constexpr const char* kThingsStandStill =
+    "things stand still in the image while the scene moves: hot pixels, dirt on the lens, text or "
+    "a part of the vehicle";
+
 /// Separates the matches of two images of equal size into matches that stand still and matches that
 /// move. Hot pixels, dirt on the lens and burned-in text stand still, for example.
 class Standing {
@@ -20,15 +25,18 @@ class Standing {
   bool collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches);
   const PointPairs& moving() const { return moving_; }
-  /// Returns true if the scene itself moves, not just one object in front of a still camera.
-  /// `answer`: homography of all matches. `moving`: homography of the moving matches, whose mask
-  /// marks those that agree with it. There must be enough of them, and they must be spread over the
-  /// same part of the image as the matches that stand still; a single object covers less. If the
-  /// answer leaves the whole image in place, it is also enough that they are a clear majority. If
-  /// it does not, it may be a mixture of both motions; then most of the matches that stand still
-  /// must contradict `moving`, unlike those near the axis of a turn, but not the answer.
-  /// `max_error`: largest error of an inlier, px.
-  bool isScene(const Eigen::Matrix3d& answer, const ProsacResult& moving, double max_error);
+  /// Returns true if the matches that stand still may determine or bend `answer`, the homography of
+  /// all matches: it leaves the whole image in place, or most of them agree with it, so that it may
+  /// be a mixture of both motions. `max_error`: largest error of an inlier, px.
+  bool mayMislead(const Eigen::Matrix3d& answer, double max_error);
+  /// Returns true if the scene itself moves, not just one object in front of a still camera. Call
+  /// mayMislead() first. `moving`: homography of the moving matches, whose mask marks those that
+  /// agree with it. There must be enough of them, and they must be spread over the same part of the
+  /// image as the matches that stand still; a single object covers less. If the answer leaves the
+  /// whole image in place, it is also enough that they are a clear majority. If it does not, most
+  /// of the matches that stand still must contradict `moving`, unlike those near the axis of a
+  /// turn.
+  bool isScene(const ProsacResult& moving);
   /// Lowers the level of each match that does not move where the homography moves the scene to
   /// Level::kt, as if it had not passed GMS.
   static void lower(const Eigen::Matrix3d& homography, const Features& reference,
@@ -46,6 +54,7 @@ class Standing {
   std::size_t countMoved(const Eigen::Matrix3d& homography, double least) const;
 
   cv::Size image_size_;
+  bool answer_stands_still_ = false;
   PointPairs moving_;
   std::vector<Eigen::Vector2d> standing_;
   std::vector<Eigen::Vector2d> agreeing_;

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <random>
+#include <vector>
 
 #include "frame_pair.h"
 #include "ktgp_orb/ktgp_matcher.h"
@@ -57,6 +58,7 @@ cv::Mat skyWith(int stars, int hot, const cv::Point2d& shift, unsigned seed) {
 // Hot pixels agree that nothing moves, and may be more than the stars.
 TEST(KtgpMatcher, HotPixelsAreNotTakenForTheSky) {
   const cv::Point2d shifts[] = {{4.3, -1.7}, {-2.6, 3.1}, {11.0, 6.0}, {0.0, 30.0}};
+  int found = 0;
   for (const int hot : {60, 500, 900}) {
     for (const cv::Point2d& shift : shifts) {
       KtgpMatcher matcher(MatcherOptions::robust());
@@ -64,6 +66,7 @@ TEST(KtgpMatcher, HotPixelsAreNotTakenForTheSky) {
       matcher.match(manyFeatures(skyWith(450, hot, {}, 1), 5000),
                     manyFeatures(skyWith(450, hot, shift, 2), 5000), result);
       if (result.status != Status::ok) continue;
+      ++found;
       const Eigen::Vector2d centre(400.0, 300.0);
       const Eigen::Vector2d moved =
           (result.answer.homography * centre.homogeneous()).hnormalized() - centre;
@@ -71,17 +74,19 @@ TEST(KtgpMatcher, HotPixelsAreNotTakenForTheSky) {
       EXPECT_NEAR(moved.y(), shift.y, 1.0) << hot << " hot pixels";
     }
   }
+  EXPECT_GE(found, 10) << "of 12";
 }
 
-/// A ground that a camera flies over, `x` px from its left border, seen through a lens that may be
-/// dirty at two places.
-cv::Mat viewThroughLens(int x, bool is_dirty) {
+using Spots = std::vector<cv::Rect>;
+const Spots kClean, kSmallSpots{{20, 20, 180, 70}, {420, 300, 150, 90}},
+    kLargeSpots{{366, 50, 256, 181}, {75, 258, 255, 143}};
+
+/// A ground that a camera flies over, `x` px from its left border, seen through a lens with dirt.
+cv::Mat viewThroughLens(int x, const Spots& spots) {
   const cv::Mat ground = test::textureImage(cv::Size(900, 500), 4);
   const cv::Mat flaws = test::textureImage(cv::Size(640, 480), 8);
   cv::Mat image = ground(cv::Rect(x, 10, 640, 480)).clone();
-  for (const cv::Rect& spot : {cv::Rect(20, 20, 180, 70), cv::Rect(420, 300, 150, 90)}) {
-    if (is_dirty) flaws(spot).copyTo(image(spot));
-  }
+  for (const cv::Rect& spot : spots) flaws(spot).copyTo(image(spot));
   return image;
 }
 
@@ -90,25 +95,26 @@ TEST(KtgpMatcher, ThingsThatStandStillInAMovingPictureAreCounted) {
   for (const bool is_dirty : {false, true}) {
     KtgpMatcher matcher;
     MatchResult result;
-    matcher.match(manyFeatures(viewThroughLens(0, is_dirty), 2000),
-                  manyFeatures(viewThroughLens(9, is_dirty), 2000), result);
+    const Spots& spots = is_dirty ? kSmallSpots : kClean;
+    matcher.match(manyFeatures(viewThroughLens(0, spots), 2000),
+                  manyFeatures(viewThroughLens(9, spots), 2000), result);
     ASSERT_EQ(result.status, Status::ok);
     EXPECT_NEAR(result.answer.homography(0, 2), -9.0, 0.5);
     EXPECT_EQ(result.hasStillThings(), is_dirty) << result.still;
   }
 }
 
-// The still matches are within the threshold of the right homography, and would bend it.
+// The homography of all matches is a mixture of both motions, 5 to 9 px off in a corner.
 TEST(KtgpMatcher, ThingsThatStandStillDoNotBendAMotionOfAFewPixels) {
   for (const MatcherOptions& options : {MatcherOptions::ktgp(), MatcherOptions::robust()}) {
     for (const int way : {4, 5, 6}) {
       KtgpMatcher matcher(options);
       MatchResult result;
-      matcher.match(manyFeatures(viewThroughLens(0, true), 2000),
-                    manyFeatures(viewThroughLens(way, true), 2000), result);
+      matcher.match(manyFeatures(viewThroughLens(0, kLargeSpots), 2000),
+                    manyFeatures(viewThroughLens(way, kLargeSpots), 2000), result);
       ASSERT_EQ(result.status, Status::ok);
       const Eigen::Matrix3d truth = test::translation(-way, 0.0);
-      EXPECT_LT(test::cornerError(result.answer.homography, truth, {640, 480}), 0.5) << way;
+      EXPECT_LT(test::cornerError(result.answer.homography, truth, {640, 480}), 0.6) << way;
       EXPECT_TRUE(result.hasStillThings()) << result.still;
     }
   }
