@@ -52,11 +52,15 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   if (seconds < 0.0) return false;
   const double difference = differenceOf(image, last);
   const bool is_equal = difference == 0.0 && areEqual(image, last);
-  const bool is_same = isInLowerGroup(difference) || is_equal;
+  const bool alternates = isInLowerGroup(difference);
+  const bool is_same = alternates || is_equal;
   if (is_equal && seconds == 0.0 && stamp != 0) return true;  // same message twice
   // If the messages have no stamps, `seconds` is 0. Then we cannot tell a camera that stands still
   // from a camera that repeats images, so the image is not called a repetition.
-  if (is_same && !stands_still_ && seconds > 0.0 && seconds <= patience()) return true;
+  // Equal pixels that alternate with new ones are repetitions at any rate: without noise, a camera
+  // would have to stop and go on with every image.
+  const bool is_soon = seconds <= patience() || (is_equal && alternates);
+  if (is_same && !stands_still_ && seconds > 0.0 && is_soon) return true;
   // Store the time since the last new image, but not while the camera stands still. For the first
   // equal image that comes after patience() has passed, the time is stored, because the image may
   // be a repetition that came late.

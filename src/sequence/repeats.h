@@ -13,7 +13,9 @@ namespace ktgp_orb::sequence {
 /// pixels differ a little: the differences from the last new image then alternate between large
 /// values, due to the motion, and much smaller values. If the image stays the same for longer than
 /// the camera usually needs for a new image, the camera stands still. From then on, equal images
-/// count as new images, so that the results show the standstill.
+/// count as new images, so that the results show the standstill. At rates below ten images a second
+/// the usual time is not known at first; the same pixels then count as repetitions as soon as they
+/// alternate with new ones.
 class Repeats {
  public:
   /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.

@@ -96,6 +96,19 @@ TEST(Repeats, TheSamePixelsAreNoNewFrame) {
   }
 }
 
+// 1.25 images/s, each published twice: the time until the copy is longer than most cameras need for
+// a new image.
+TEST(Repeats, TheSamePixelsAtALowRateAreFoundByTheirAlternation) {
+  SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
+  int missed = 0;
+  for (int i = 0; i < 60; ++i) {
+    const SequenceMatch& match = matcher.match(test::viewAt(kStep * (i / 2), 20), 1.0 + 0.4 * i);
+    missed += i % 2 == 1 && !match.repeated ? 1 : 0;
+    EXPECT_FALSE(i % 2 == 0 && match.repeated) << i;
+  }
+  EXPECT_LE(missed, 3);
+}
+
 // Found by the pattern, which takes a few repetitions.
 TEST(Repeats, ImagesThatWereCompressedAnewAreFoundSoon) {
   for (const int times : {2, 3}) {
