@@ -237,13 +237,11 @@ struct PageCounts {
 };
 
 /// Preset robust, seeds from `first` to before `last`; names the pairs that are not as they should.
-/// A homography is wrong if it is off by more than 3 px and outside the 99.9 % bound of its
-/// covariance.
+/// A homography is wrong if it is off by more than 3 px.
 template <std::size_t N = kPages.size()>
 PageCounts countPages(double overlap, std::uint64_t first, std::uint64_t last,
                       const Scan& second = {}, const std::array<Page, N>& pages = kPages) {
   const double right_within = 3.0 * second.zoom;  // px, in the middle of what both show
-  constexpr double kBound = 26.12;                // 99.9 % of chi-square, 8 degrees of freedom
   const Eigen::Vector2d shown(1500.0 * (1.0 - 0.5 * overlap), 550.0);
   KtgpMatcher matcher(MatcherOptions::robust());
   MatchResult result;
@@ -254,9 +252,8 @@ PageCounts countPages(double overlap, std::uint64_t first, std::uint64_t last,
       matcher.match(pair.frames.reference, pair.frames.target, result);
       const bool found = result.status == Status::ok;
       const bool right =
-          found && ((apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() <
-                        right_within ||
-                    squaredDeviation(result.answer, pair.truth) < kBound);
+          found &&
+          (apply(result.answer.homography, shown) - apply(pair.truth, shown)).norm() < right_within;
       ++counts.pairs;
       counts.found += found ? 1 : 0;
       counts.wrong += found && !right ? 1 : 0;
