@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "util/cells.h"
 #include "util/constants.h"
 
 namespace ktgp_orb::growth {
@@ -269,18 +270,11 @@ bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
   const double difference = evidence(grown) - evidence(rival);
   const double both = std::max(evidence(grown) + evidence(rival), 0.0);
   if (difference > kDeviations * std::sqrt(both)) return false;
-  const auto cells_along = [](int length) {
-    return static_cast<std::size_t>(std::max(length, 0) / kSide) + 1;
-  };
-  const std::size_t columns = cells_along(target.width);
-  const std::size_t rows = cells_along(target.height);
+  const util::Cells cells(target, kSide);
   const auto covered_at = [&](const Eigen::Vector2d& place) -> std::uint8_t& {
-    const auto clamped = [](double v, std::size_t count) {
-      return static_cast<std::size_t>(std::clamp(v / kSide, 0.0, static_cast<double>(count - 1)));
-    };
-    return covered[clamped(place.y(), rows) * columns + clamped(place.x(), columns)];
+    return covered[cells.at(place.x(), place.y())];
   };
-  covered.assign(columns * rows, 0);
+  covered.assign(cells.count(), 0);
   for (const Eigen::Vector2d& place : grown.pairs.target) covered_at(place) = 1;
   std::size_t contrary = 0;
   for (std::size_t i = 0; i < rival.pairs.size(); ++i) {

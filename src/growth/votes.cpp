@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "util/cells.h"
+
 namespace ktgp_orb::growth {
 namespace {
 
@@ -14,24 +16,7 @@ constexpr float kLogScale = 0.470004F;  // logarithm of the largest ratio of sca
 constexpr float kSlack = 4.F;
 constexpr float kRelativeSlack = 0.45F;
 
-constexpr float kCell = 8.F;  // px
-
-std::size_t cellsAlong(int length) {
-  return static_cast<std::size_t>(static_cast<float>(std::max(length, 0)) / kCell) + 1;
-}
-
-/// The cell that contains a position in an image of this `size`; the nearest cell if the position
-/// is outside.
-std::uint32_t cellOf(float x, float y, const cv::Size& size) {
-  const auto clamped = [](float v, std::size_t count) {
-    // The comparison is written so that NaN gets cell 0.
-    return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
-                      : std::size_t{0};
-  };
-  const std::size_t columns = cellsAlong(size.width);
-  const std::size_t cell = clamped(y, cellsAlong(size.height)) * columns + clamped(x, columns);
-  return static_cast<std::uint32_t>(cell);
-}
+constexpr double kCell = 8.0;  // px; side of the cells that vote once
 
 }  // namespace
 
@@ -59,15 +44,16 @@ void Votes::add(const LocalFrame& from, const LocalFrame& to) {
 void Votes::count(const cv::Size& from_size, const cv::Size& to_size, std::int32_t enough,
                   float reach) {
   reach_ = reach;
+  const util::Cells from(from_size, kCell), to(to_size, kCell);
   for (Similarity& pair : pairs_) {
-    pair.from_cell = cellOf(pair.x, pair.y, from_size);
-    pair.to_cell = cellOf(pair.u, pair.v, to_size);
+    pair.from_cell = static_cast<std::uint32_t>(from.at(pair.x, pair.y));
+    pair.to_cell = static_cast<std::uint32_t>(to.at(pair.u, pair.v));
   }
   cells_.build(
       pairs_.size(), [&](std::size_t i) { return cv::Point2f(pairs_[i].x, pairs_[i].y); },
       from_size, reach_);
-  from_voted_.assign(cellsAlong(from_size.width) * cellsAlong(from_size.height), 0);
-  to_voted_.assign(cellsAlong(to_size.width) * cellsAlong(to_size.height), 0);
+  from_voted_.assign(from.count(), 0);
+  to_voted_.assign(to.count(), 0);
   votes_.assign(pairs_.size(), 0);
   for (std::size_t i = 0; i < pairs_.size(); ++i) {
     const Similarity& pair = pairs_[i];

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "util/cells.h"
 #include "util/divide.h"
 
 namespace ktgp_orb::homography {
@@ -73,25 +74,22 @@ struct PointArrays {
     return count;
   }
 
-  /// Number of cells along each axis; the last cell also holds all points beyond it.
-  static constexpr std::size_t kCellColumns = 64;
-  static constexpr std::size_t kCells = kCellColumns * kCellColumns;
-
-  /// Sets cell[i] to the index of the cell of reference point i, which is below kCells. Cells are
-  /// squares of side `side`. There must be at least one pair.
-  void findCells(double side, std::vector<std::size_t>& cell) const {
-    const auto least = [this](const std::vector<Scalar>& axis) {
-      return *std::min_element(axis.begin(), axis.begin() + static_cast<std::ptrdiff_t>(size));
-    };
-    const auto number = [side](double length) {
-      return static_cast<std::size_t>(std::min(length / side, kCellColumns - 1.0));
-    };
-    const Scalar left = least(x);
-    const Scalar top = least(y);
+  /// Divides the bounding box of the reference points into cells with the given side, at most
+  /// kMostCells along each axis, and sets cell[i] to the index of the cell of reference point i.
+  /// There must be at least one pair.
+  static constexpr int kMostCells = 64;
+  /// Largest number of cells if all points are in the image and the side is a 16th of its diagonal.
+  /// Buffers have at least this size, so that they do not grow from frame to frame.
+  static constexpr std::size_t kUsualCells = 17 * 17;
+  util::Cells findCells(double side, std::vector<std::size_t>& cell) const {
+    const auto end = static_cast<std::ptrdiff_t>(size);
+    const auto [left, right] = std::minmax_element(x.begin(), x.begin() + end);
+    const auto [top, bottom] = std::minmax_element(y.begin(), y.begin() + end);
+    const util::Cells cells(Eigen::Vector2d::Zero(), {*right - *left, *bottom - *top}, side,
+                            kMostCells);
     cell.resize(size);
-    for (std::size_t i = 0; i < size; ++i) {
-      cell[i] = number(y[i] - top) * kCellColumns + number(x[i] - left);
-    }
+    for (std::size_t i = 0; i < size; ++i) cell[i] = cells.at(x[i] - *left, y[i] - *top);
+    return cells;
   }
 
   static Lanes load(const std::vector<Scalar>& array, std::size_t first) {

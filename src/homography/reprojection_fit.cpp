@@ -222,8 +222,7 @@ void ReprojectionFit::weighByCell(double cell) {
   constexpr double kFewest = 64.0;
   const std::size_t n = size();
   if (n == 0) return;
-  problem_.pairs.findCells(cell, cell_);
-  in_cell_.assign(Points::kCells, 0);
+  in_cell_.assign(std::max(Points::kUsualCells, problem_.pairs.findCells(cell, cell_).count()), 0);
   std::size_t cells = 0;
   for (std::size_t i = 0; i < n; ++i) {
     if (in_cell_[cell_[i]]++ == 0) ++cells;

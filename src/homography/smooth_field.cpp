@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "estimation/sandwich.h"
+#include "util/cells.h"
 
 namespace ktgp_orb::homography {
 namespace {
@@ -256,20 +257,14 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Maximum number of rows and of columns of cells. Keypoints may be far outside the image; then
-  // they are counted in the last row or column.
-  constexpr double kMost = 64.0;
-  const auto number = [&](double length) {
-    return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
-  };
-  columns_ = number(high.x() - low.x()) + 1;
-  rows_ = number(high.y() - low.y()) + 1;
-  constexpr std::size_t kSide = 17;
-  constexpr std::size_t kUsual = kSide * kSide;  // number of cells that an image needs at most
-  cells_.reserve(kUsual);
+  constexpr int kMost = 64;  // keypoints far outside the image are in the last row or column
+  const util::Cells cells(low, high - low, cell_side, kMost);
+  columns_ = static_cast<std::size_t>(cells.columns());
+  rows_ = cells.count() / columns_;
+  cells_.reserve(PointArrays<double>::kUsualCells);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
-    pair.cell = number(pair.point.y() - low.y()) * columns_ + number(pair.point.x() - low.x());
+    pair.cell = cells.at(pair.point.x(), pair.point.y());
     Cell& cell = cells_[pair.cell];
     const Slope weighted = pair.weight * pair.slope;
     cell.weight += pair.weight;

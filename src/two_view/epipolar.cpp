@@ -370,13 +370,13 @@ bool EpipolarFit::minimise(Epipolar& geometry) {
 double EpipolarFit::instability(const Epipolar& geometry, double cell,
                                 const Covariance6& covariance) {
   constexpr int kGroups = 4;
-  constexpr std::size_t kColumns = homography::PointArrays<double>::kCellColumns;
   constexpr double kLost = 25.0;  // squared change if the remaining pairs do not determine a motion
   const Eigen::Matrix<double, 6, 6> inverse = util::pseudoInverseOf(covariance);
-  problem_.pairs->refinement.findCells(2.0 * cell, cell_);
+  const util::Cells cells = problem_.pairs->refinement.findCells(2.0 * cell, cell_);
+  const auto columns = static_cast<std::size_t>(cells.columns());
   group_.resize(cell_.size());
   for (std::size_t i = 0; i < cell_.size(); ++i) {
-    group_[i] = static_cast<int>(cell_[i] % kColumns % 2 + 2 * (cell_[i] / kColumns % 2));
+    group_[i] = static_cast<int>(cell_[i] % columns % 2 + 2 * (cell_[i] / columns % 2));
   }
   double sum = 0.0;
   for (left_out_ = 0; left_out_ < kGroups; ++left_out_) {
@@ -391,9 +391,10 @@ double EpipolarFit::instability(const Epipolar& geometry, double cell,
 
 estimation::Information EpipolarFit::covariance(const Epipolar& geometry, double cell) {
   const EpipolarPairs::Tangent tangent = problem_.pairs->tangent(geometry);
-  const homography::PointArrays<double>& points = problem_.points;
-  points.findCells(cell, cell_);
-  clusters_.reset(tangent.cols(), homography::PointArrays<double>::kCells);
+  using Points = homography::PointArrays<double>;
+  const Points& points = problem_.points;
+  clusters_.reset(tangent.cols(),
+                  std::max(Points::kUsualCells, points.findCells(cell, cell_).count()));
   Vector9 entries;
   for (std::size_t i = 0; i < points.size; ++i) {
     const double e = problem_.evaluate(i, geometry.matrix, entries.data(), nullptr);

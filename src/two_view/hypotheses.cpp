@@ -31,7 +31,8 @@ void Hypotheses::load(const EpipolarPairs& pairs, double cell, double range, con
   pairs_ = &pairs;
   fit_.setPairs(pairs);
   range_ = range;
-  pairs.refinement.findCells(cell, cell_);
+  using Points = homography::PointArrays<double>;
+  cells_.resize(std::max(Points::kUsualCells, pairs.refinement.findCells(cell, cell_).count()));
   starts_.clear();
   list_.clear();
   scale_ = pairs.limit / 3.0;
@@ -146,7 +147,7 @@ double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   // A pair that is nearer to the plane than this many standard deviations is on the plane; noise
   // exceeds this limit in 1 of 25 000 pairs.
   constexpr double kOnPlane = 4.5;
-  cells_.assign(homography::PointArrays<double>::kCells, 0.0);
+  std::fill(cells_.begin(), cells_.end(), 0.0);
   double sum = 0.0;
   double independent = 0.0;
   for (std::size_t i = 0; i < a.gains.size(); ++i) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "estimation/false_alarms.h"
+#include "util/cells.h"
 
 namespace ktgp_orb::two_view {
 namespace {
@@ -13,23 +14,16 @@ namespace {
 /// otherwise have more than 1024 cells.
 void numberCells(const std::vector<Eigen::Vector2d>& points, double apart,
                  std::vector<std::uint32_t>& cell, std::vector<std::uint8_t>& taken) {
-  constexpr double kMost = 1024.0;
+  constexpr int kMost = 1024;
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector2d& p : points) box.extend(p);
   const double side = std::max(apart, box.sizes().maxCoeff() / (kMost - 1.0));
-  // Coordinates may be so large that their differences are not finite.
-  const auto number = [side](double length) {
-    return length > 0.0 ? static_cast<std::uint32_t>(std::min(kMost - 1.0, length / side)) : 0U;
-  };
-  const std::uint32_t columns = number(box.sizes().x()) + 1;
-  const std::uint32_t rows = number(box.sizes().y()) + 1;
+  const util::Cells cells(box.min(), box.sizes(), side, kMost);
   cell.clear();
   for (const Eigen::Vector2d& p : points) {
-    const Eigen::Vector2d at = p - box.min();
-    cell.push_back(std::min(number(at.y()), rows - 1) * columns +
-                   std::min(number(at.x()), columns - 1));
+    cell.push_back(static_cast<std::uint32_t>(cells.at(p.x(), p.y())));
   }
-  taken.resize(std::size_t(columns) * rows);
+  taken.resize(cells.count());
 }
 
 }  // namespace

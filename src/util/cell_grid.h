@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "util/buckets.h"
+#include "util/cells.h"
 
 namespace ktgp_orb::util {
 
-/// Sorts points into square cells, so that the points near a position are found fast. A point
-/// outside the image is put into the nearest cell; a NaN coordinate counts as 0. The next build()
-/// uses the same memory.
+/// Sorts points into the Cells of an image, so that the points near a position are found fast. The
+/// next build() uses the same memory.
 class CellGrid {
  public:
   /// Sorts `count` points into cells. `point(i)`: returns the position of point i, px. `side`: side
@@ -22,14 +22,11 @@ class CellGrid {
     // Maximum number of cells along the longer side of the image. With more cells, visiting empty
     // cells would cost more time than the smaller cells save.
     constexpr double kMostCells = 1024.0;
-    per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
-    columns_ = static_cast<int>(image.width * per_side_) + 1;
-    rows_ = static_cast<int>(image.height * per_side_) + 1;
-    points_.sort(count, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
-                 [&](std::size_t i) {
-                   const cv::Point2f p = point(i);
-                   return row(p.y) * columns_ + column(p.x);
-                 });
+    cells_ = Cells(image, std::max(side, std::max(image.width, image.height) / kMostCells));
+    points_.sort(count, cells_.count(), [&](std::size_t i) {
+      const cv::Point2f p = point(i);
+      return cells_.at(p.x, p.y);
+    });
   }
 
   /// Indices of the points, cell by cell: the cells row by row, and ascending indices within a
@@ -42,14 +39,13 @@ class CellGrid {
   /// order().
   template <typename Visit>
   void visitRuns(double x, double y, double radius, Visit visit) const {
-    const int left = column(x - radius);
-    const int right = column(x + radius);
-    const int last = row(y + radius);
-    for (int r = row(y - radius); r <= last; ++r) {
-      const int first = r * columns_ + left;
-      const int last_cell = r * columns_ + right;
-      visit(points_.begin(static_cast<std::size_t>(first)),
-            points_.end(static_cast<std::size_t>(last_cell)));
+    const int left = cells_.column(x - radius);
+    const int right = cells_.column(x + radius);
+    const int last = cells_.row(y + radius);
+    for (int row = cells_.row(y - radius); row <= last; ++row) {
+      const int first = row * cells_.columns();
+      visit(points_.begin(static_cast<std::size_t>(first + left)),
+            points_.end(static_cast<std::size_t>(first + right)));
     }
   }
 
@@ -62,17 +58,7 @@ class CellGrid {
   }
 
  private:
-  int column(double x) const { return clamped(x, columns_); }
-  int row(double y) const { return clamped(y, rows_); }
-  int clamped(double x, int count) const {
-    const double cell = x * per_side_;
-    // NaN makes this comparison false, so it gets cell 0.
-    return cell >= 1.0 ? static_cast<int>(std::min(cell, count - 1.0)) : 0;
-  }
-
-  double per_side_ = 1.0;
-  int columns_ = 1;
-  int rows_ = 1;
+  Cells cells_;
   Buckets points_;  // indices of the points, sorted by cell
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "util/cells.h"
+
 namespace ktgp_orb::alignment {
 
 void PointSpread::choose(const std::vector<Eigen::Vector2d>& points, const cv::Size& image,
@@ -27,17 +29,10 @@ void PointSpread::sortIntoCells(const std::vector<Eigen::Vector2d>& points, cons
                                 std::size_t wanted) {
   const double area = static_cast<double>(image.width) * image.height;
   const double side = std::max(1.0, std::sqrt(area / static_cast<double>(wanted)));
-  const int columns = static_cast<int>(image.width / side) + 1;
-  const int rows = static_cast<int>(image.height / side) + 1;
-  const auto number = [side](double x, int count) {
-    return static_cast<std::uint32_t>(std::clamp(x / side, 0.0, count - 1.0));
-  };
-  const std::size_t cells = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
-  begin_.resize(cells + 1);
-  cells_.sort(points.size(), cells, [&](std::size_t i) {
-    return number(points[i].y(), rows) * static_cast<std::uint32_t>(columns) +
-           number(points[i].x(), columns);
-  });
+  const util::Cells cells(image, side);
+  begin_.resize(cells.count() + 1);
+  cells_.sort(points.size(), cells.count(),
+              [&](std::size_t i) { return cells.at(points[i].x(), points[i].y()); });
 }
 
 void PointSpread::dropTwins(const std::vector<Eigen::Vector2d>& points) {
