@@ -91,8 +91,8 @@ enum class NoReference : std::uint8_t {
 /// Returns the enumerator's name, e.g. "stamp_went_back".
 const char* toString(NoReference reason);
 
-/// An image of the sequence and its features.
-struct Frame {
+/// What a frame is made from.
+struct FrameInput {
   std::int64_t stamp = 0;  ///< time of the image, ns since any epoch
   /// Name that the caller gives to the camera's pixel format; may be empty.
   std::string encoding;
@@ -110,6 +110,10 @@ struct Frame {
   /// For the two-view geometry: maps the keypoints to the image without distortion, to which
   /// `camera` refers; null if they are already positions in that image.
   LensConstPtr camera_lens;
+};
+
+/// An image of the sequence and its features.
+struct Frame : FrameInput {
   Features features;
   /// A track number, >= 1, for each keypoint: a final match continues the track of its reference
   /// keypoint; every other keypoint begins a new track. SequenceMatcher::match sets the numbers;
@@ -143,7 +147,8 @@ struct SequenceMatch {
   /// rate, repeat images. A repeated image is not a new frame: all other fields, including `frame`,
   /// keep the result of the previous frame. If an image stays the same for longer than earlier
   /// images took to change (or for 0.1 s if no image has changed yet), the camera stands still.
-  /// From then on, equal images count as new frames.
+  /// From then on, equal images count as new frames, unless they have alternated with new ones
+  /// three times.
   bool repeated = false;
   bool reference_changed = false;  ///< the previous frame had another reference
   MatchResult match;               ///< empty and with status no_reference if there is no reference

@@ -24,12 +24,8 @@ void FramePool::release(PooledFrame& frame) {
 
 std::shared_ptr<FramePool::PooledFrame> FramePool::takeEmpty() {
   std::shared_ptr<PooledFrame> frame = frames_.take();
-  frame->stamp = 0;
-  frame->encoding.clear();
-  frame->mask.release();
-  frame->lens.reset();
-  frame->camera.reset();
-  frame->camera_lens.reset();
+  const FrameInput nothing;
+  static_cast<FrameInput&>(*frame) = nothing;  // a copy, which keeps the memory of the string
   frame->features.keypoints.clear();
   releaseIfShared(frame->features.descriptors);
   if (!frame->features.descriptors.empty()) frame->features.descriptors.resize(0);

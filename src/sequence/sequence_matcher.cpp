@@ -223,13 +223,7 @@ FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOpt
 /// `frame` itself is not changed, because others may be using it.
 FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOptions& orb) {
   FramePtr fresh = pool.take();
-  fresh->stamp = frame->stamp;
-  fresh->encoding = frame->encoding;
-  fresh->image = frame->image;
-  fresh->mask = frame->mask;
-  fresh->lens = frame->lens;
-  fresh->camera = frame->camera;
-  fresh->camera_lens = frame->camera_lens;
+  static_cast<FrameInput&>(*fresh) = *frame;
   fresh->source = frame;  // keeps the pixels valid
   extract(*fresh, orb);
   keeper.replace(frame, fresh);
