@@ -219,10 +219,10 @@ double Mounting::doubtOf(const Eigen::Vector3d& turn, double change,
 }
 
 std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) const {
-  constexpr double kInfinite = std::numeric_limits<double>::infinity();
-  const auto deviation_of = [](double variance, double largest) {
+  const double infinite = std::numeric_limits<double>::infinity();
+  const auto deviation_of = [infinite](double variance, double largest) {
     const double deviation = std::sqrt(kShared * variance);
-    return deviation < largest ? deviation : kInfinite;
+    return deviation < largest ? deviation : infinite;
   };
   ImuMounting imu;
   imu.rotation = to_base * unknowns_.segment<3>(kMounting);
@@ -234,7 +234,7 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
   const bool is_near = imu.rotation.norm() < kLargest;
   bool is_known = false;
   const auto report = [&](double& value, double& deviation, double variance, double largest) {
-    deviation = is_near ? deviation_of(variance, largest) : kInfinite;
+    deviation = is_near ? deviation_of(variance, largest) : infinite;
     if (!std::isfinite(deviation)) value = 0.0;
     is_known = is_known || std::isfinite(deviation);
   };
