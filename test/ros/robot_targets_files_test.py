@@ -28,9 +28,7 @@ def targets_node(name, before=None, **parameters):
     for key, value in parameters.items():
         rospy.set_param(name + '/' + key, value)
     namespace, _, own = name.rpartition('/')
-    # Without restore_signals, SIGXFSZ stays ignored.
-    return node('Targets', own, '__ns:=' + (namespace or '/'), 'image:=image_raw', preexec_fn=before,
-                restore_signals=False)
+    return node('Targets', own, '__ns:=' + (namespace or '/'), 'image:=image_raw', preexec_fn=before)
 
 
 def call(name, service, *arguments):
