@@ -198,14 +198,24 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
   if (result.homographyStatus() != Status::ok || reference.image.empty()) return;
 
+  // warpPerspective() refuses images that are longer than kMostSide, so a longer reference is
+  // shrunk.
+  constexpr int kMostSide = 32766;  // px
+  cv::Mat source = toGrey(reference.image);
+  const double scale = static_cast<double>(kMostSide) / std::max(source.cols, source.rows);
+  Eigen::Matrix3d from_source = result.answer.homography;
+  if (scale < 1.0) {
+    cv::resize(source, source, {}, scale, scale, cv::INTER_AREA);
+    from_source.leftCols<2>() /= scale;
+  }
   cv::Mat homography;
-  cv::eigen2cv(result.answer.homography, homography);
+  cv::eigen2cv(from_source, homography);
   const cv::Mat grey = toGrey(target.image);
   cv::Mat warped;
   cv::Mat covered;
-  cv::warpPerspective(toGrey(reference.image), warped, homography, grey.size(), cv::INTER_LINEAR);
-  cv::warpPerspective(cv::Mat(reference.image.size(), CV_8UC1, cv::Scalar(255)), covered,
-                      homography, grey.size(), cv::INTER_NEAREST);
+  cv::warpPerspective(source, warped, homography, grey.size(), cv::INTER_LINEAR);
+  cv::warpPerspective(cv::Mat(source.size(), CV_8UC1, cv::Scalar(255)), covered, homography,
+                      grey.size(), cv::INTER_NEAREST);
 
   cv::Scalar target_mean;
   cv::Scalar target_deviation;

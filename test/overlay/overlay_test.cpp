@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "orb_test_images.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
@@ -276,6 +277,29 @@ TEST(Overlay, AnyImageAndResultCanBeDrawn) {
       }
     }
   }
+}
+
+// OpenCV warps no image with a side above 32766 px. A conveyor belt or a facade may be longer.
+TEST(Overlay, ALongReferenceIsComparedWithTheTarget) {
+  constexpr int kLeft = 35000;
+  cv::Mat reference(120, 40000, CV_8UC1);
+  cv::RNG(3).fill(reference, cv::RNG::UNIFORM, 0, 255);
+  cv::GaussianBlur(reference, reference, {}, 2.0);
+  const cv::Mat target = reference(cv::Rect(kLeft, 0, 640, 120)).clone();
+  MatchResult result;
+  result.status = Status::ok;
+  result.geometry = Geometry::plane;
+  const Features none;
+  double deviations[2];
+  for (const int shift : {0, 1}) {
+    result.answer.homography = test::translation(20 * shift - kLeft, 0.0);
+    cv::Mat canvas;
+    drawOverlay({reference, none}, {target, none}, result, OverlayStyle::difference, canvas);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(canvas(cv::Rect(300, 20, 200, 80)), mean, deviation);
+    deviations[shift] = deviation[0];
+  }
+  EXPECT_LT(3.0 * deviations[0], deviations[1]);
 }
 
 TEST(Overlay, AFrameWithoutMatchShowsTheReason) {
