@@ -213,8 +213,8 @@ TEST(TargetFinder, SteepBlurredTargetsAreReportedWithTheirCovarianceOrNamed) {
   TargetFinder finder = finderOf(6);
   test::CornerErrors corners;
   int ok = 0, named = 0, shown_ones = 0;
-  for (const double tilt : {0.8, 1.0, 1.1}) {
-    for (const double blur : {1.0, 2.0, 3.0}) {
+  for (const double tilt : {0.8, 1.0, 1.1, 1.2, 1.3}) {
+    for (const double blur : {1.0, 2.0, 3.0, 4.0}) {
       for (int i = 0; i < 6; ++i, ++shown_ones) {
         const Shown truth = shown(i, 280.0 + 10 * i, 240.0, tilt, 1.3, i);
         cv::Mat image = frameOf({truth}, 500U + static_cast<unsigned>(i));
@@ -239,6 +239,7 @@ TEST(TargetFinder, SteepBlurredTargetsAreReportedWithTheirCovarianceOrNamed) {
               shown_ones, named, corners.normalised.mean(), corners.normalised.within(13.8),
               corners.largest);
   EXPECT_GE(ok, shown_ones / 2);
+  EXPECT_GE(ok + named, 68);  // 72 of 120 when the bound was set; the others have no candidate
   EXPECT_GE(corners.normalised.within(13.8), 0.95);
 }
 
