@@ -291,9 +291,6 @@ Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double
 }
 
 std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> methods() {
-  constexpr int kSift = 4000;
-  constexpr double kRatio = 0.8;
-  constexpr float kSiftShift = 0.25F;  // px, see opencv/opencv issue 23123
   return {
     {"SLAM",
      [](const PipelineOptions& options) {
@@ -318,6 +315,9 @@ std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> 
          }},
 #if KTGP_ORB_HAVE_MAGSAC
         {"SIFT+MAGSAC++", [](const PipelineOptions&) {
+           constexpr int kSift = 4000;
+           constexpr double kRatio = 0.8;
+           constexpr float kSiftShift = 0.25F;  // px, see opencv/opencv issue 23123
            return openCv([] { return cv::SIFT::create(kSift); }, cv::NORM_L2, kRatio, kSiftShift);
          }},
 #endif

@@ -131,7 +131,7 @@ std::string toCsv(const Outcome& outcome) {
     files::CsvRow row = rowOf(outcome.pair, c, levels[static_cast<std::size_t>(c.level)]);
     if (outcome.truth) row.add(errors[i++], 6);
     if (point != points.end() && outcome.pair.match.two_view.match[point->pair] == match) {
-      for (const double coordinate : point->position) row.add(coordinate);
+      for (int axis = 0; axis < 3; ++axis) row.add(point->position[axis]);
       row.add(two_view::distanceDeviation(*point++));
     } else if (!points.empty()) {
       row.skip(4);
