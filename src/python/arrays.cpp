@@ -1,5 +1,7 @@
 #include "python/arrays.h"
 
+#include <pybind11/eigen.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -26,11 +28,13 @@ bool isWide(const py::array& array) {
 
 /// Throws if `object` is a masked array that hides values, because NumPy would silently drop the
 /// mask.
-void refuseMasked(const py::handle& object, const std::string& name) {
+void refuseMasked(const py::handle& object, const std::string& name,
+                  const char* expected =
+                      "its .data, and what is hidden in a mask of its own: "
+                      "(~array.mask).astype(np.uint8)") {
   if (!py::hasattr(object, "filled") || !py::hasattr(object, "mask")) return;
   if (!object.attr("mask").attr("any")().cast<bool>()) return;
-  throw py::value_error(name + " is a masked array with hidden values; expected its .data, and " +
-                        "what is hidden in a mask of its own: (~array.mask).astype(np.uint8)");
+  throw py::value_error(name + " is a masked array with hidden values; expected " + expected);
 }
 
 /// Returns `object` as an array of uint8 (or uint16, if `may_be_wide`) with contiguous rows. Throws
@@ -189,6 +193,16 @@ ImageArray maskImage(const py::object& mask) {
     throw py::error_already_set();
   }
   return grey;
+}
+
+std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name) {
+  if (matrix.is_none()) return std::nullopt;
+  refuseMasked(matrix, name, "all nine numbers");
+  py::detail::make_caster<Eigen::Matrix3d> caster;
+  if (!caster.load(matrix, true)) {
+    throw py::value_error(name + " is no matrix of numbers; expected an array of the shape (3, 3)");
+  }
+  return py::detail::cast_op<const Eigen::Matrix3d&>(caster);
 }
 
 py::array_t<float> keypointArray(const Features& features) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,11 @@ ImageArray greyImage(const py::object& image, const std::string& name);
 
 /// Returns the mask as CV_8UC1, or an empty matrix if `mask` is None.
 ImageArray maskImage(const py::object& mask);
+
+/// Returns the camera matrix K that a Python program gives as the argument `name`, or nothing if it
+/// gives None. Throws py::value_error, which names the argument and what is expected. Also throws
+/// for a masked array that hides values.
+std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name);
 
 /// Returns the keypoints as an array (N, 6) of float32: x, y, size, angle, response, octave.
 py::array_t<float> keypointArray(const Features& features);

@@ -23,6 +23,13 @@
 namespace ktgp_orb::python {
 namespace {
 
+/// The argument `camera`, which must be given.
+Eigen::Matrix3d requiredCamera(const py::object& matrix) {
+  const std::optional<Eigen::Matrix3d> camera = cameraMatrix(matrix, "camera");
+  if (!camera) throw py::value_error("camera is None; expected an array of the shape (3, 3)");
+  return *camera;
+}
+
 /// Makes the getter of a Python property that calls `get` on a shared object.
 template <typename Object, typename Value>
 auto getting(Value (Object::*get)() const) {
@@ -60,8 +67,9 @@ struct PosedTarget : DetectedTarget {
 };
 
 std::vector<PosedTarget> findTargets(Targets& targets, const py::object& image,
-                                     const std::optional<Eigen::Matrix3d>& camera) {
+                                     const py::object& matrix) {
   const ImageArray grey = greyImage(image, "image");
+  const std::optional<Eigen::Matrix3d> camera = cameraMatrix(matrix, "K");
   if (camera) {
     util::requireK("K", *camera, grey.pixels.size());
     util::requirePrincipalPoint("K", *camera, grey.pixels.size());
@@ -173,8 +181,9 @@ using SharedPose = Shared<TargetPose>;
 using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, double>;
 
 std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
-                                 const Eigen::Matrix3d& camera, std::pair<int, int> size,
+                                 const py::object& matrix, std::pair<int, int> size,
                                  std::vector<double> distortion, double seconds) {
+  const Eigen::Matrix3d camera = requiredCamera(matrix);
   LensCalibration calibration;
   calibration.image_size = {size.first, size.second};
   for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera(i / 3, i % 3);
@@ -295,8 +304,7 @@ void defineStabilizer(py::module& module) {
 
 using SharedMotion = Shared<GroundMotion>;
 
-GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
-                           const Eigen::Matrix3d& camera,
+GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame, const py::object& camera,
                            const std::optional<std::pair<double, double>>& height,
                            const std::optional<std::pair<Eigen::Vector3d, double>>& down,
                            const std::optional<std::pair<Eigen::Matrix3d, double>>& turn,
@@ -311,7 +319,7 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
   given.stamp = frame.stamp;
   given.reference_stamp = frame.reference_stamp;
   if (frame.hasHomography()) given.answer = frame.answer;
-  given.camera = camera;
+  given.camera = requiredCamera(camera);
   given.size = frame.image_size;
   if (height) {
     given.height.emplace();

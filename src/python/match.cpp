@@ -64,18 +64,19 @@ std::string textOf(const Match& match) {
          " inliers, found by " + match.found_by + ">";
 }
 
-/// Makes the hints for the matcher from the camera matrices K. Throws std::invalid_argument if a K
-/// is given although options.geometry is homography, which does not use K.
-MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Matrix3d>& camera,
-                   const std::optional<Eigen::Matrix3d>& target_camera) {
-  if ((camera || target_camera) && options.geometry == GeometryModel::homography) {
+/// Makes the hints for the matcher from the arguments K and target_K. Throws std::invalid_argument
+/// if a K is given although options.geometry is homography, which does not use K.
+MatchHints hintsOf(const MatcherOptions& options, const py::object& camera,
+                   const py::object& target_camera) {
+  MatchHints hints;
+  hints.reference_camera = cameraMatrix(camera, "K");
+  hints.target_camera = cameraMatrix(target_camera, "target_K");
+  const bool is_given = hints.reference_camera || hints.target_camera;
+  if (is_given && options.geometry == GeometryModel::homography) {
     throw std::invalid_argument(
         "K is given, but geometry is homography, which needs none; expected preset=\"slam\", or "
         "geometry=\"auto\" or \"epipolar\"");
   }
-  MatchHints hints;
-  hints.reference_camera = camera;
-  hints.target_camera = target_camera;
   return hints;
 }
 
@@ -87,10 +88,8 @@ TwoViewInput inputOf(const MatchHints& hints) {
 }
 
 std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
-                                   const py::object& preset,
-                                   const std::optional<Eigen::Matrix3d>& camera,
-                                   const std::optional<Eigen::Matrix3d>& target_camera,
-                                   const py::kwargs& changes) {
+                                   const py::object& preset, const py::object& camera,
+                                   const py::object& target_camera, const py::kwargs& changes) {
   const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
   const bool by_area = py::str(preset).equal(py::str("photo")) && !changes.contains("features");
   const ImageArray first = greyImage(reference, "reference");
@@ -133,13 +132,13 @@ class Matcher {
  public:
   explicit Matcher(const Settings& made_from)
       : settings(made_from),
-        matcher_(pipelineOptions(parametersFrom(made_from, Scope::pair)).matcher) {}
+        options_(pipelineOptions(parametersFrom(made_from, Scope::pair)).matcher),
+        matcher_(options_) {}
 
   std::shared_ptr<Match> match(const Features& reference, const Features& target,
-                               const std::optional<Eigen::Matrix3d>& camera,
-                               const std::optional<Eigen::Matrix3d>& target_camera) {
+                               const py::object& camera, const py::object& target_camera) {
+    const MatchHints hints = hintsOf(options_, camera, target_camera);
     return matcher_.use([&](KtgpMatcher& matcher) {
-      const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
       matcher.match(reference, target, hints, result_);
       return std::make_shared<Match>(result_, reference, target, inputOf(hints));
     });
@@ -148,6 +147,7 @@ class Matcher {
   const Settings settings;
 
  private:
+  MatcherOptions options_;
   Shared<KtgpMatcher> matcher_;
   MatchResult result_;  // result of the current call
 };

@@ -104,7 +104,7 @@ class ModuleTest(unittest.TestCase):
         self.assertIsNone(plane.rotation)
 
     @unittest.skipUnless(os.path.exists(PHOTOGRAPHS), 'needs the photographs of the package opencv-doc')
-    def test_a_mirrored_photograph_has_no_motion(self):
+    def test_a_mirrored_photograph_has_no_motion_and_no_geometry(self):
         """Flipped either way. The mirror image of something symmetric, such as a face, looks like the same thing turned:
         its keypoints turn together, too. Only rubberwhale has such a thing, a wheel, with few of its precise pairs."""
         for name in ('home.jpg', 'fruits.jpg', 'building.jpg', 'messi5.jpg', 'leuvenA.jpg', 'graf1.png', 'aloeL.jpg',
@@ -116,14 +116,21 @@ class ModuleTest(unittest.TestCase):
             height, width = picture.shape
             K = np.array([[0.9 * width, 0, width / 2], [0, 0.9 * width, height / 2], [0, 0, 1]])
             for flip in (0, 1):
-                found = ktgp.match(picture, np.ascontiguousarray(cv2.flip(picture, flip)), preset='slam', K=K)
+                mirrored = np.ascontiguousarray(cv2.flip(picture, flip))
+                found = ktgp.match(picture, mirrored, preset='slam', K=K)
                 self.assertIsNone(found.rotation, (name, flip, found.doubt))
+                for preset in ('slam', 'robust'):
+                    blind = ktgp.match(picture, mirrored, preset=preset)  # without K
+                    self.assertNotEqual(blind.status, 'ok', (name, flip, preset))
+                    self.assertEqual((blind.geometry, blind.fundamental), ('none', None), (name, flip, preset))
+                    self.assertFalse(blind.homography.any(), (name, flip, preset))
 
     def test_a_plane_has_both_motions(self):
         K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
         direction = OVER_A_PLANE / np.linalg.norm(OVER_A_PLANE)
         for tilt in (-0.5, 0.3, 0.5):
-            found = ktgp.match(self.reference, tilted_plane(self.reference, K, tilt), 'slam', K=K)
+            target = tilted_plane(self.reference, K, tilt)
+            found = ktgp.match(self.reference, target, 'slam', K=K)
             self.assertEqual((found.status, found.geometry), ('ok', 'plane'))
             self.assertGreater(np.abs(found.homography).max(), 0)
             other = found.other_motion
@@ -132,6 +139,10 @@ class ModuleTest(unittest.TestCase):
             self.assertLess(found.translation @ other.translation, 0.99)
             self.assertEqual((found.doubt, other.geometry), ('two_motions_of_a_plane', 'plane'))
             self.assertLess(found.probability, 1.0)
+            self.assertGreaterEqual(found.probability, 0.5, 'the likelier motion is the first')
+            view = by_program(self.reference, target, '--preset', 'slam', '--camera', '520,520,319.5,239.5')['two_view']
+            self.assertEqual(found.probability, view['probability'])
+            self.assertAlmostEqual(found.probability + view['other_pose']['probability'], 1.0, 9)
             self.assertEqual(other.covariance.shape, (6, 6))
             self.assertGreater(np.diag(other.covariance).min(), 0.0)
             again = pickle.loads(pickle.dumps(found)).other_motion
@@ -233,15 +244,52 @@ class ModuleTest(unittest.TestCase):
         hidden[:, :100] = True
         masked = np.ma.masked_array(self.reference, hidden)
         features = ktgp.Extractor().extract(self.reference)
+        targets, mosaic = ktgp.Targets(), ktgp.Mosaic()
+        frame = ktgp.Sequence().match(self.reference, 1.0)
         for use, name in ((lambda: ktgp.match(masked, self.target), 'reference'),
                           (lambda: ktgp.match(self.target, masked), 'target'),
                           (lambda: ktgp.Extractor().extract(masked), 'image'),
                           (lambda: ktgp.Extractor().extract(self.reference, masked), 'mask'),
                           (lambda: ktgp.Sequence().match(masked, 1.0), 'image'),
+                          (lambda: ktgp.Sequence(reference_mode='fixed').set_reference(masked), 'image'),
+                          (lambda: targets.add('poster', masked), 'image'),
+                          (lambda: targets.add('poster', [self.reference, masked]), 'image'),
+                          (lambda: targets.find(masked), 'image'),
+                          (lambda: mosaic.add(masked, frame), 'image'),
                           (lambda: ktgp.Features(np.ma.masked_array(features.keypoints, features.keypoints > 0),
                                                  features.descriptors, features.image_size), 'keypoints')):
             with self.assertRaisesRegex(ValueError, name + ' is a masked array with hidden values; expected its .data'):
                 use()
+
+        self.assertEqual(targets.ids, [])
+        self.assertEqual(mosaic.add(self.reference, frame), 'new_map')
+        with self.assertRaises(TypeError):  # it takes no image
+            ktgp.Stabilizer().add(masked)
+
+    def test_a_camera_matrix_of_which_a_part_is_hidden_or_missing_is_refused(self):
+        K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
+        extract, targets = ktgp.Extractor('slam').extract, ktgp.Targets()
+        targets.add('poster', self.reference, width=0.8)
+        found, = targets.find(self.target)
+        features = extract(self.reference), extract(self.target)
+        frame = ktgp.Sequence().match(self.reference, 1.0)
+        uses = (('K', lambda k: ktgp.match(self.reference, self.target, 'slam', K=k)),
+                ('target_K', lambda k: ktgp.match(self.reference, self.target, 'slam', K=K, target_K=k)),
+                ('K', lambda k: ktgp.Matcher('slam').match(*features, K=k)),
+                ('target_K', lambda k: ktgp.Matcher('slam').match(*features, K=K, target_K=k)),
+                ('K', lambda k: targets.find(self.target, K=k)),
+                ('camera', lambda k: ktgp.TargetPoses(0.0).find(found, k, (640, 480))),
+                ('camera', lambda k: ktgp.GroundMotion().add(frame, k, height=(2.0, 0.01))))
+        for name, use in uses:
+            for good in (K, np.ma.masked_array(K), np.ma.masked_array(K, np.zeros((3, 3), bool)), K.tolist()):
+                use(good)
+            for bad, words in ((np.ma.masked_equal(K, 319.5),
+                                ' is a masked array with hidden values; expected all nine numbers'),
+                               (K[:2], r' is no matrix of numbers; expected an array of the shape \(3, 3\)'),
+                               ('K.txt', r' is no matrix of numbers; expected')):
+                with self.assertRaisesRegex(ValueError, '^' + name + words):
+                    use(bad)
+        self.assertIsNone(ktgp.match(self.reference, self.target, 'slam', K=None).rotation)
 
     def test_pixels_hidden_by_alpha_have_no_keypoints(self):
         shown = np.full(self.reference.shape, 255, np.uint8)
