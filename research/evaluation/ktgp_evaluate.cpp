@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <future>
 #include <opencv2/core.hpp>
+#include <set>
 #include <sstream>
 
 #include "evaluation/hpatches.h"
@@ -150,6 +151,18 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
   return scores;
 }
 
+/// Returns true if no method uses the parameter. `has_two_views`: of the option --two-view.
+bool isIdle(const ParameterRow& row, const Parameters& all, bool has_two_views) {
+  static const std::set<std::string> of_sequences{"search_radius", "views"};
+  // The name of a method decides about these.
+  static const std::set<std::string> of_methods{"mutual", "gms", "growth", "guided", "geometry"};
+  if (of_sequences.count(row.name) > 0) return true;
+  if (!has_two_views) return of_methods.count(row.name) > 0;
+  // Only then the matcher's parameters replace the preset slam.
+  const bool replaces_preset = all.geometry != "homography";
+  return !replaces_preset && row.group != "stage_1_orb" && row.name != "threads";
+}
+
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("DATA", arguments.data, "image sets or lists of pairs; images with --warps")
       ->type_name("PATH");
@@ -215,7 +228,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->group(warps);
   app.add_option("--bag", arguments.bag)->group("");  // hidden; recordings have their own program
   tools::addCommonOptions(app, arguments.force);
-  tools::addPipelineOptions(app, arguments.pipeline);
+  tools::addPipelineOptions(app, arguments.pipeline,
+                            [&](const ParameterRow& row, const Parameters& all) {
+                              return isIdle(row, all, arguments.two_view);
+                            });
 }
 
 Dataset findPairs(const Arguments& arguments) {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
+#include <stdexcept>
 
 #include "evaluation/bag_frames.h"
 #include "evaluation/sequence_evaluation.h"
@@ -99,7 +100,11 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")
       ->type_name("FILE");
   tools::addCommonOptions(app, arguments.force);
-  tools::addPipelineOptions(app, arguments.pipeline);
+  const auto is_idle = [](const ParameterRow& row, const Parameters& /*all*/) {
+    // Each frame is matched to the previous one, where growth is off.
+    return row.name == "growth" || row.name == "views";
+  };
+  tools::addPipelineOptions(app, arguments.pipeline, is_idle);
 }
 
 int run(int argc, char** argv) {
@@ -108,6 +113,11 @@ int run(int argc, char** argv) {
   app.footer(tools::kExitCodes);
   addArguments(app, arguments);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
+  if (arguments.pipeline.parameters.reference_mode == "fixed") {
+    throw std::invalid_argument(
+        "reference_mode is fixed, but each frame is matched to the previous one; expected "
+        "parameters without it, or ktgp_bag");
+  }
   tools::planOutputs(app, arguments.force).write(arguments.json);
   tools::exitWhenInterrupted();
   cv::setNumThreads(1);

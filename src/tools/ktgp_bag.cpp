@@ -528,6 +528,19 @@ CLI::Validator nameOfTopics() {
   return CLI::Validator(check, "");
 }
 
+bool drawsOverlay(const CLI::App& app) {
+  return app.count("--overlay") + app.count("--draw") > 0;
+}
+
+/// Returns true if the parameter has no effect with the given options and parameters.
+bool isIdle(const CLI::App& app, const ParameterRow& row, const Parameters& all) {
+  const bool is_fixed = all.reference_mode == "fixed";
+  if (row.name == "reference_image" || row.name == "views") return !is_fixed;
+  if (row.name == "max_reference_age") return is_fixed;
+  if (row.name == "growth") return all.reference_mode == "previous";
+  return row.name == "overlay_style" && !drawsOverlay(app);
+}
+
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
@@ -573,7 +586,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addMotionArguments(app, arguments.motion);
   addTargetsArguments(app, arguments.targets);
   tools::addCommonOptions(app, arguments.force);
-  tools::addParameterOptions(app, arguments.parameters);
+  tools::addParameterOptions(
+      app, arguments.parameters,
+      [&app](const ParameterRow& row, const Parameters& all) { return isIdle(app, row, all); });
 }
 
 /// Throws std::invalid_argument if an option would have no effect with the given values of the
@@ -599,8 +614,7 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   refuse_unless(motion.height_source == "range", "--motion_range", "--motion_height_source range");
   refuse_unless(motion.normal_source == "imu" || motion.gyro, "--motion_imu",
                 "--motion_normal_source imu or --motion_gyro");
-  refuse_unless(app.count("--overlay") + app.count("--draw") > 0, "--overlay_style",
-                "--overlay or --draw");
+  refuse_unless(drawsOverlay(app), "--overlay_style", "--overlay or --draw");
   if (fixed && parameters.reference_image.empty()) {
     throw std::invalid_argument(
         "reference_mode is fixed, and there is no reference; expected --reference_image FILE");

@@ -200,7 +200,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addCameraOption(app, "--target-camera", arguments.target_camera, "K of B, where it differs")
       ->needs("--camera");
   addCommonOptions(app, arguments.force);
-  addPipelineOptions(app, arguments.pipeline, "photo");
+  const auto is_idle = [](const ParameterRow& row, const Parameters& /*all*/) {
+    return row.name == "search_radius";  // a pair has no motion that predicts positions
+  };
+  addPipelineOptions(app, arguments.pipeline, is_idle, "photo");
 }
 
 int matchTwoImages(int argc, char** argv) {

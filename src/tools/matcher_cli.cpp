@@ -21,7 +21,7 @@ namespace {
 /// Returns true if the parameter influences the results of a recording. Parameters for the node's
 /// services, subscribers and diagnostics do not.
 bool decidesARecording(const ParameterRow& row) {
-  return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
+  return row.group != "warnings" && row.name != "lazy";
 }
 
 bool decidesAPair(const ParameterRow& row) {
@@ -43,8 +43,8 @@ std::vector<double> valueOf(const Covariance8& matrix) {
 }
 
 /// Throws if a parameter for the images of a stream, such as camera_info or the region of interest,
-/// differs from its default. Other parameters of a stream are accepted, because they do not
-/// influence a match.
+/// differs from its default. Other parameters of a stream are named and accepted, because they do
+/// not influence a match.
 void refuseOfStream(const Parameters& parameters) {
   const Parameters usual;
   for (const ParameterRow& row : parameterRows()) {
@@ -99,10 +99,27 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
   added->default_str(valueText(row, defaults))->group("Parameters: " + row.group);
 }
 
+/// Names the given parameters that the program does not use: a file of a node has all parameters,
+/// and a mistake would not be seen. A preset may have such parameters, too, but nobody chose them.
+void nameIdle(const Given& given, const Parameters& parameters, const IsIdle& is_idle) {
+  const Parameters usual;
+  Parameters of_file;
+  if (!given.at("params").empty()) readParameterFile(given.at("params"), of_file);
+  std::vector<std::string> names;
+  for (const ParameterRow& row : parameterRows()) {
+    const bool is_given =
+        given.count(row.name) > 0 || valueText(row, of_file) != valueText(row, usual);
+    if (is_given && is_idle(row, parameters)) names.push_back(row.name);
+  }
+  if (names.empty()) return;
+  std::fprintf(stderr, "without effect in this run: %s\n", util::joined(names, ", ").c_str());
+}
+
 /// Adds an option for each parameter that `wanted` accepts. After parsing, calls `done` with the
-/// values of the parameters.
+/// values of the parameters, and then names the ones without effect.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
-                const std::string& preset, const std::function<void(const Parameters&)>& done) {
+                const std::string& preset, const IsIdle& is_idle,
+                const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
   Parameters shown = defaults;
   if (!preset.empty()) readPreset(preset, shown);
@@ -118,7 +135,12 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   for (const ParameterRow& row : parameterRows()) {
     if (wanted(row)) addOption(app, row, shown, given);
   }
-  app.callback([given, preset, defaults, done] {
+  const auto is_unused = [wanted, is_idle](const ParameterRow& row, const Parameters& all) {
+    // Mode fixed chooses other options, also for a pair; see noteOnFixed().
+    if (row.name == "reference_mode" && all.reference_mode == "fixed") return false;
+    return !wanted(row) || is_idle(row, all);
+  };
+  app.callback([given, preset, defaults, done, is_unused] {
     Parameters parameters = defaults;
     const std::string& file = given->at("params");
     const std::string& chosen = given->at("preset");
@@ -133,6 +155,7 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
       const std::string note = noteOnFixed(parameters);
       if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
       done(parameters);
+      nameIdle(*given, parameters, is_unused);
     } catch (const std::invalid_argument& error) {
       throw CLI::ValidationError(error.what());
     }
@@ -191,18 +214,20 @@ std::string whatIsTooMuch(const CLI::App& app, const std::string& on_many_names)
 
 }  // namespace
 
-void addParameterOptions(CLI::App& app, Parameters& parameters) {
-  addOptions(app, decidesARecording, parameters, "",
+void addParameterOptions(CLI::App& app, Parameters& parameters, const IsIdle& is_idle) {
+  addOptions(app, decidesARecording, parameters, "", is_idle,
              [&](const Parameters& given) { parameters = given; });
 }
 
-void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset) {
-  addOptions(app, decidesAPair, options.parameters, preset, [&](const Parameters& parameters) {
+void addPipelineOptions(CLI::App& app, PipelineOptions& options, const IsIdle& is_idle,
+                        const std::string& preset) {
+  const auto take = [&](const Parameters& parameters) {
     refuseOfStream(parameters);
     options = pipelineOptions(parameters);
     const OrbExtractor checked_extractor(options.orb);
     const KtgpMatcher checked_matcher(options.matcher);
-  });
+  };
+  addOptions(app, decidesAPair, options.parameters, preset, is_idle, take);
 }
 
 nlohmann::json toJson(const Eigen::Matrix3d& m) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -13,17 +14,23 @@ namespace ktgp_orb::tools {
 
 using ktgp_orb::PipelineOptions;
 
+/// Returns true if the program does not use the parameter. `all`: all values of the user.
+using IsIdle = std::function<bool(const ParameterRow& row, const Parameters& all)>;
+
 /// Adds --preset, --params and an option for each parameter of the nodelet that influences the
 /// results of a recording. The parameter table gives the name, text, range and default of the
 /// option. Before parsing, `parameters` must hold the default values; after parsing, it holds the
 /// values of the user. Options override the file of --params, and the file overrides the preset. An
-/// unusable value ends parsing with a message that says what is expected.
-void addParameterOptions(CLI::App& app, Parameters& parameters);
+/// unusable value ends parsing with a message that says what is expected. A line on the standard
+/// error names the given parameters without effect: those without an option, since they are for
+/// the node alone, and those that `is_idle` names, which is called after parsing.
+void addParameterOptions(CLI::App& app, Parameters& parameters, const IsIdle& is_idle);
 
 /// Adds options for the parameters that determine the result for a pair of images. `preset`: name
 /// of the preset that is used if the command line has neither --preset nor --params; empty: no
-/// preset.
-void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
+/// preset. Names parameters without effect like addParameterOptions().
+void addPipelineOptions(CLI::App& app, PipelineOptions& options, const IsIdle& is_idle,
+                        const std::string& preset = "");
 
 /// JSON object with the names and values of the parameters that addPipelineOptions() adds.
 nlohmann::json toJson(const PipelineOptions& options);

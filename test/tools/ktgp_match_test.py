@@ -211,8 +211,20 @@ class KtgpMatch(PairCase):
         self.assertEqual(set(re.findall(r"(\d+) inliers", run.stdout) + re.findall(r"inliers +(\d+):", run.stdout)),
                          {str(self.json()["inliers"])})
 
-    def test_each_parameter_of_the_table_is_used_or_refused_or_of_the_stream_alone(self):
-        self.check_each_parameter("ktgp_match", "a.pgm", "b.pgm")
+    def test_each_parameter_of_the_table_is_used_or_refused_or_named_as_without_effect(self):
+        self.check_each_parameter_of_pairs("ktgp_match", "a.pgm", "b.pgm", same={
+            "threads", "gms_rotation", "gms_scale", "fast_adaptive",  # the views are neither turned, nearer nor dark
+            "views"})  # where PROSAC finds nothing
+
+    def test_an_image_of_a_node_that_is_not_used_is_named(self):
+        """A file of a node may have a reference_image, which is not the one that is matched: A is."""
+        for mode in ("previous", "fixed"):
+            self.write("node.yaml", f"reference_image: /no/such.png\nreference_mode: {mode}\nmax_rate: 5.0\n")
+            self.match("a.pgm", "b.pgm", "--params", "node.yaml",
+                       words="without effect in this run: reference_image, max_rate\n")
+        self.write("all.yaml", "lazy: true\nmax_rate: 0.0\nreference_image: ''\n")  # the defaults
+        self.assertEqual(self.match("a.pgm", "b.pgm", "--params", "all.yaml").stderr, "")
+        self.match("a.pgm", "b.pgm", "--search_radius", "48", words="without effect in this run: search_radius\n")
 
     def test_there_is_advice_where_nothing_is_found(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))

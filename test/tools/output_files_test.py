@@ -12,7 +12,9 @@ import subprocess
 import time
 import unittest
 
-from tool_case import TOOLS, PairCase, parameter_rows
+import cv2
+import numpy as np
+from tool_case import TOOLS, PairCase, picture, without_times, write_pgm
 
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
@@ -129,13 +131,14 @@ class KilledRuns(OutputCase):
         command = self.make_bag() + ("--skip_finished",)
         inputs = self.names()
         mosaic, stabilizer = ("--mosaic", "o.png"), ("--stabilize", "o.mp4")
+        motion = "--motion", "g.csv", "--motion_base_frame", "", "--motion_normal_source", "imu"
         combinations = [sum(parts, ()) for parts in itertools.product(
             ((), ("--csv", "o.csv")), ((), ("--draw", "d.mp4")),
             ((), mosaic, mosaic + ("--mosaic_poses", "p.csv")),
-            ((), stabilizer, stabilizer + ("--stabilizer_warps", "w.csv")))]
+            ((), stabilizer, stabilizer + ("--stabilizer_warps", "w.csv")), ((), motion))]
         random_ = random.Random(5)
         for chosen in combinations if self.ALL else random_.sample(combinations, 4):
-            outputs = {"out.bag", *chosen[1::2]}
+            outputs = {"out.bag", *(name for name in chosen[1::2] if "." in name)}
             writes = self.writes_of(*command, *chosen)
             for _ in range(3 if self.ALL else 2):
                 for name in outputs:
@@ -171,22 +174,48 @@ class KilledRuns(OutputCase):
             self.assertIn(words, again.stdout + again.stderr)
             self.assertLessEqual({"a_out.bag", "a.png", "b_out.bag", "b.png"}, self.names())
 
-    def test_a_limit_of_the_shell_is_said_as_a_full_disk_is(self):
-        def limited():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512))  # its signal ends a program
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "m.csv", preexec_fn=limited,
-                     words="m.csv: cannot be written: File too large")
+    def check_limit(self, limit, *command, file):
+        """A limit of the shell (ulimit -f) is said as a full disk is: its signal does not end the program."""
+        self.refused(*command, words=f"{file}: cannot be written: File too large",
+                     preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+
+    def test_a_limit_of_the_shell_is_said_of_each_file_about_pictures(self):
+        (self.folder / "posters").mkdir()
+        write_pgm(self.folder / "posters/poster.pgm", picture(), 20, 20)
+        pairs = "pairs.txt", "--methods", "KT"
+        for command, option, name in ((("ktgp_match", "a.pgm", "b.pgm"), "--csv", "o.csv"),
+                                      (("ktgp_match", "a.pgm", "b.pgm"), "--json", "o.json"),
+                                      (("ktgp_match", "a.pgm", "b.pgm"), "--draw", "o.png"),
+                                      (("ktgp_find", "b.pgm", "posters"), "--json", "o.json"),
+                                      (("ktgp_find", "b.pgm", "posters"), "--draw", "o.png"),
+                                      (("ktgp_evaluate", *pairs), "--csv", "o.csv"),
+                                      (("ktgp_evaluate", *pairs), "--json", "o.json")):
+            with self.subTest(command + (option,)):
+                self.check_limit(100, *command, option, name, file=name)
 
     @unittest.skipUnless(WITH_ROS, "built without ROS")
     def test_a_limit_of_the_shell_is_said_of_each_file_of_a_recording(self):
-        def limited_to(limit):
-            return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))  # its signal ends a program
-        command = self.make_bag()
-        bag, picture = "out.bag: cannot be written: File too large", "o.png: cannot be written: File too large"
-        for outputs, limit, words in ((("--csv", "o.csv"), 512, bag), (("--draw", "d.mp4"), 512, bag),
-                                      (("--stabilize", "o.mp4"), 512, bag), (("--mosaic", "o.png"), 512, bag),
-                                      (("--mosaic", "o.png"), 300000, picture)):  # out.bag has 90 kB, o.png 877
-            self.refused(*command, *outputs, preexec_fn=limited_to(limit), words=words)
+        (self.folder / "images").mkdir()
+        noise = np.random.RandomState(1).randint(0, 256, (500, 700), np.uint8)
+        for i in range(6):
+            cv2.imwrite(self.path("images", f"{i}.png"), noise[2 * i:480 + 2 * i, 5 * i:640 + 5 * i])
+        command = "ktgp_bag", "images/*.png", "out.bag", "--features", "100"
+        for option, name in (("--csv", "o.csv"), ("--draw", "o.mp4"), ("--stabilize", "o.mp4"), ("--mosaic", "o.png")):
+            with self.subTest(option):
+                self.check_limit(512, *command, option, name, file="out.bag")
+                if option != "--csv":  # out.bag has 41 kB, the videos 170 and 200, the mosaic 1111
+                    self.check_limit(100000, *command, option, name, file=name)
+        self.make_bag()
+        if (TOOLS / "ktgp_evaluate_bag").exists():
+            self.check_limit(512, "ktgp_evaluate_bag", "in.bag", "--json", "o.json", file="o.json")
+
+    @unittest.skipUnless(WITH_ROS, "built without ROS")
+    def test_a_limit_of_the_shell_is_said_of_a_table_that_is_larger_than_its_bag(self):
+        """Each picture that cannot be used has a row in the table, and nothing in the bag."""
+        (self.folder / "images").mkdir()
+        for i in range(1500):
+            self.write(f"images/{i}.png", "no image")
+        self.check_limit(60000, "ktgp_bag", "images/*.png", "out.bag", "--csv", "o.csv", file="o.csv")
 
 
 class MatchOutput(OutputCase):
@@ -288,8 +317,20 @@ class MatchOutput(OutputCase):
 
 
 class EvaluateOutput(OutputCase):
-    def test_each_parameter_of_the_table_is_used_or_refused(self):
-        self.check_each_parameter("ktgp_evaluate", "pairs.txt", "--methods", "KTGP")
+    def test_each_parameter_of_the_table_is_used_or_refused_or_named_as_without_effect(self):
+        self.check_each_parameter_of_pairs("ktgp_evaluate", "pairs.txt", "--methods", "KTGP+ALIGN", same={
+            "threads", "gms_rotation", "gms_scale", "fast_adaptive"})  # the views are neither turned, nearer nor dark
+
+    def test_parameters_that_the_preset_of_two_views_replaces_are_named(self):
+        camera = "300 300 160 120 1 0 0 0 1 0 0 0 1"
+        self.write("cameras.txt", f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
+        (self.folder / "pairs.txt").unlink()
+        words = "without effect in this run: T_w, mutual\n"
+        for file, is_said in (("T_w: 0.8\nmutual: true\nfeatures: 1000\n", True),
+                              ("T_w: 0.8\nmutual: true\nfeatures: 1000\ngeometry: auto\n", False)):
+            self.write("tuned.yaml", file)
+            run = self.run_tool("ktgp_evaluate", "--two-view", ".", "--methods", "SLAM", "--params", "tuned.yaml")
+            self.assertEqual(words in run.stderr, is_said, run.stderr)
 
     def test_outputs_are_checked_as_everywhere(self):
         for option in ("--json", "--csv"):
@@ -354,8 +395,11 @@ class BagOutput(OutputCase):
         self.refused("ktgp_bag", self.bag, "out.bag", *options, **expected)
 
     @unittest.skipUnless((TOOLS / "ktgp_evaluate_bag").exists(), "built without the research programs")
-    def test_each_parameter_of_the_table_is_used_or_refused_by_the_evaluation(self):
-        self.check_each_parameter("ktgp_evaluate_bag", self.bag)
+    def test_each_parameter_of_the_table_is_used_or_refused_or_named_by_the_evaluation(self):
+        self.check_each_parameter_of_pairs("ktgp_evaluate_bag", self.bag, same={
+            "threads", "gms_rotation", "fast_adaptive"})  # the camera does not turn, and sees enough
+        self.write("fixed.yaml", "reference_mode: fixed\n")
+        self.refused("ktgp_evaluate_bag", self.bag, "--params", "fixed.yaml", words="reference_mode is fixed, but each")
 
     def test_the_only_image_topic_needs_no_name(self):
         self.run_tool("ktgp_bag", self.bag, "out.bag", words="9 images of /camera/image_raw")
@@ -442,26 +486,15 @@ class BagOutput(OutputCase):
         self.write("node.yaml", "lazy: false\nmax_latency: 1.0\n")
         self.run_tool("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")  # parameters of a node are not an error
 
-    def test_each_parameter_of_the_table_changes_the_result_or_is_refused_or_of_another_kind_of_run(self):
-        def result(name, value):
-            """The rows without what is measured in time; empty: it was refused."""
-            self.write("one.yaml", f"{name}: {value}\n")
+    def test_each_parameter_of_the_table_is_used_or_refused_or_named_as_without_effect(self):
+        def result(_):
             run = self.run_tool("ktgp_bag", self.bag, "out.bag", "--force", "--csv", "out.csv", "--params", "one.yaml",
                                 code=None)
-            if run.returncode == 2:
-                self.assertIn(name, run.stderr)
-                return []
-            self.assertEqual(run.returncode, 0, (name, run.stderr))
-            return [{key: each for key, each in row.items() if "milliseconds" not in key and "ms" not in key.split("_")
-                     and key != "configuration"} for row in self.table()]
-        usual = result("features", 2000)
-        without_effect = {
-            "threads", "lazy", "max_latency", "max_pair_megapixels", "overlay_style",  # not of what is matched
-            "growth", "views",  # where PROSAC finds nothing
-            "gms_rotation", "gms_scale", "fast_adaptive",  # the camera neither turns nor nears, and sees enough
-            "calibration", "stretch", "max_reference_age", "max_rate"}  # there are no such images
-        same = {name for name, value in parameter_rows() if result(name, value) == usual}
-        self.assertLessEqual(same, without_effect)
+            return run, without_times(self.table()) if run.returncode != 2 else None
+        self.check_each_parameter(result, same={
+            "threads", "calibration",  # only the messages say that the images are rectified
+            "gms_rotation", "fast_adaptive",  # the camera does not turn, and sees enough
+            "stretch"})  # there is no image of 16 bits
 
     def test_topics_have_names_that_ros_takes(self):
         for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):

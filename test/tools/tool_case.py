@@ -99,6 +99,14 @@ def parameter_rows():
             yield name, low if float(low) != float(usual) else str(type(eval(usual))(eval(usual) + 1))
 
 
+def without_times(found):
+    """A result as JSON without what is measured in time."""
+    if isinstance(found, dict):
+        return {name: without_times(value) for name, value in found.items()
+                if "milliseconds" not in name and "ms" not in name.split("_")}
+    return [without_times(each) for each in found] if isinstance(found, list) else found
+
+
 class FolderCase(unittest.TestCase):
     """With a folder that is deleted after each test, and a way to run programs in it."""
     timeout = 300  # s, of a program
@@ -161,23 +169,42 @@ class ToolCase(FolderCase):
     def run_tool(self, tool, *arguments, **options):
         return self.run_program(TOOLS / tool, *arguments, **options)
 
-    def check_each_parameter(self, tool, *arguments):
-        """For pairs, --params refuses the parameters that only a stream of images has; --json shows that the program
-        used all others that can change the result."""
-        stream = {"reference_mode", "reference_image", "max_reference_age", "max_rate", "lazy", "overlay_style",
-                  "max_latency", "max_pair_megapixels"}
-        refused = {"mask_image", "roi", "calibration", "rectify", "stretch"}
+    def check_each_parameter(self, result, same):
+        """Each parameter of the table, set by --params, changes the result of a run, is refused, or is named as one
+        without effect, and then has none. `result(name)` runs the program with the file one.yaml that sets the
+        parameter `name`, and returns the run and all that the parameters can change. `same`: parameters that are used,
+        but not by these inputs, or that have no effect on the result."""
+        self.write("one.yaml", "features: 2000\n")
+        usual = result("features")[1]
+        unseen = set()
         for name, value in parameter_rows():
             self.write("one.yaml", f"{name}: {value}\n")
-            run = self.run_tool(tool, *arguments, "--params", "one.yaml", "--json", "out.json", "--force", code=None)
-            if name in refused:
-                self.assertEqual(run.returncode, 2, name)
-                self.assertIn(f"{name} is {value}, which is for the images of a node", run.stderr)
+            run, found = result(name)
+            if run.returncode == 2:
+                self.assertRegex(run.stderr, f"{name} (is )?'?{re.escape(value)}")
                 continue
             self.assertIn(run.returncode, (0, 1), (name, run.stderr))
-            if name not in stream:
-                self.assertEqual(str(self.json()["options"][name]).lower().rstrip("0").rstrip("."),
-                                 value.rstrip("0").rstrip("."), name)
+            is_named = re.findall("^without effect in this run: (.*)$", run.stderr, re.M)
+            self.assertIn(is_named, ([], [name]))
+            if is_named:
+                self.assertEqual(found, usual, f"{name} has an effect")
+            elif found == usual:
+                unseen.add(name)
+        self.assertEqual(unseen, same)
+
+    def check_each_parameter_of_pairs(self, tool, *arguments, same):
+        """Also the options that --json names are those of the file."""
+        def result(name):
+            run = self.run_tool(tool, *arguments, "--params", "one.yaml", "--json", "out.json", "--force", code=None)
+            if run.returncode == 2:
+                return run, None
+            found = self.json()
+            options, value = found.pop("options"), self.read("one.yaml").split(": ")[1].strip()
+            if name in options:
+                used = str(options[name]).lower()
+                self.assertEqual(used.rstrip("0").rstrip("."), value.rstrip("0").rstrip("."), name)
+            return run, without_times(found)
+        self.check_each_parameter(result, same)
 
 
 class PairCase(ToolCase):
