@@ -511,6 +511,7 @@ class BagMotionInputsTest(FolderCase):
             angles = [np.degrees(2 * np.arccos(abs(each.pose.pose.orientation.w))) for each in found]
             self.assertEqual(len(angles), len(turns) - 1)
             if is_right:
+                self.assertGreater(min(np.diag(np.reshape(each.pose.covariance, (6, 6))).min() for each in found), 0.0)
                 self.assertEqual({each.geometry for each in found}, {TwoViewGeometry.GEOMETRY_ROTATION})
                 np.testing.assert_allclose(angles, 2.0, atol=0.03)
             else:

@@ -14,9 +14,10 @@ import rospy
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, Diagnostics, MatcherCase, check_each, corners_off, image_message, no_delay, shift,
-                          texture, translation, view, wait_until)
-from sensor_msgs.msg import CameraInfo, Image
+from ktgp_testing import (TIMEOUT, Diagnostics, MatcherCase, Memory, Recorder, check_each, corners_off, image_message,
+                          no_delay, node, shift, texture, translation, view, wait_until)
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'mask_image': '', 'roi': '',
@@ -260,6 +261,37 @@ class InputsTest(MatcherCase):
             self.client.update_configuration({'reference_image': file.name})
             self.wait_for_diagnostics('9000x8000 (72 megapixels); expected 64 at most')
             self.client.update_configuration({'reference_image': ''})
+
+    def test_a_packed_image_of_too_many_pixels_is_refused_before_it_is_decoded(self):
+        """81 megapixels of one grey, packed in 80 kB."""
+        camera = rospy.Publisher('/packed/image_raw/compressed', CompressedImage, queue_size=5)
+        answers, reports = Recorder('/packed/matcher/statistics', MatchStatistics, self), Diagnostics(self)
+
+        def send(pixels):
+            message = CompressedImage(header=Header(stamp=rospy.Time.now()), format='png')
+            message.data = cv2.imencode('.png', pixels)[1].tobytes()
+            camera.publish(message)
+            return message.header.stamp
+
+        def answer():
+            self.move()
+            return answers.wait_for(send(view(self.position, 100)))
+        with node('matcher', 'matcher', '__ns:=/packed', 'image:=image_raw/compressed'):
+            wait_until(lambda: camera.get_num_connections() and answers.publishers(), 'the matcher is connected')
+            answer()
+            self.assertEqual(answer().refused_frames, 0)
+            memory = Memory('/packed/matcher')
+            memory.begin()
+            before = memory.held()
+            huge, seen = send(np.full((9000, 9000), 77, np.uint8)), len(reports.messages())
+            reports.wait_for_words('refused: compressed image (format "png") has 81.0 megapixels; expected 64 at most')
+            self.assertLess(memory.most() - before, 40, 'MB; decoded, it has 81')
+            self.assertEqual(answer().refused_frames, 1)
+            self.assertEqual(answer().status, OK)
+            self.assertIsNone(answers.with_stamp(huge))
+            said = [status for status in reports.of('input', seen) if 'megapixels' in status.message]
+            self.assertTrue(said[0].name.startswith('packed/matcher'), said[0].name)
+        camera.unregister()
 
     def test_images_flow_while_a_large_reference_is_prepared(self):
         """Its features and its views take seconds; hardly an image in a row waits for them."""

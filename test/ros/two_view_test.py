@@ -177,6 +177,10 @@ class TwoViewTest(MatcherCase):
                 row = list(csv.DictReader(file))[1]
         self.assertEqual((row['geometry'], row['other_geometry']), ('plane', 'plane'))
         self.assertEqual(row['doubt'], 'two_motions_of_a_plane')
+        # The rival has the rest.
+        self.assertAlmostEqual(float(row['probability']), found.probability, 6)
+        self.assertGreaterEqual(found.probability, 0.5, 'the likelier motion is the first')
+        self.assertLess(found.probability, 1.0)
         self.assertEqual(found.other_geometry, TwoViewGeometry.GEOMETRY_PLANE)
         self.assertEqual(len(found.other_pose), 1)
         translations = [np.array([float(row[name + axis]) for axis in 'xyz']) for name in ('t', 'other_t')]
