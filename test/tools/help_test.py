@@ -38,6 +38,16 @@ class Help(unittest.TestCase):
         self.assertGreaterEqual(len(pages), 5)
         self.assertEqual(len(set(pages.values())), len(pages))
 
+    def test_every_part_of_nightly_has_a_row_with_its_last_result(self):
+        listed = subprocess.run([ROOT / "dev/nightly", "--list"], stdout=subprocess.PIPE, text=True, check=True).stdout
+        parts = [re.sub("^mutate_.*", "mutate_*", line.split()[0]) for line in listed.splitlines()]
+        self.assertGreater(len(parts), 20)
+        rows = re.findall(r"^\| (.*?) \|(.*)", (ROOT / "doc/measurements/nightly.md").read_text(), re.MULTILINE)
+        named = [name for first, _ in rows[1:] for name in first.split(":")[0].split(", ")]
+        self.assertEqual(set(named), set(parts))
+        for first, rest in rows:
+            self.assertTrue(rest.strip(" |"), first)
+
     def test_every_bound_of_security_has_its_test(self):
         rows = re.findall(r"^\| (.*) \| (.*) \| (.*) \|$", (ROOT / "SECURITY.md").read_text(), re.MULTILINE)[1:]
         self.assertGreater(len(rows), 8)
