@@ -5,6 +5,8 @@ import csv
 import glob
 import io
 import os
+import re
+import shlex
 import shutil
 import signal
 import struct
@@ -18,6 +20,7 @@ import rospy
 from ktgp_testing import FolderCase, images_of, messages_of, view, views, write_bag
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
+ROOT = os.path.realpath(os.path.join(os.path.dirname(os.path.abspath(__file__)), '../..'))
 SIZE = 320, 240
 FEW = ['--features', '300']
 
@@ -286,7 +289,7 @@ class VideoTest(RecordingCase):
 
 class ManyRecordingsTest(RecordingCase):
     """examples/fleet/one_recording.sh, by whatever runs commands in parallel."""
-    ONE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../examples/fleet/one_recording.sh')
+    ONE = os.path.join(ROOT, 'examples/fleet/one_recording.sh')
     OPTIONS = ['results', '--features', '300', '--csv', 'matched.csv', '--stabilize', 'steady.mp4']
     FILES = ['matched.bag', 'matched.csv', 'steady.mp4']
     environment = dict(os.environ, PATH=os.path.dirname(PROGRAM) + ':' + os.environ['PATH'])
@@ -350,6 +353,29 @@ class ManyRecordingsTest(RecordingCase):
     @unittest.skipIf(shutil.which('parallel') is None, 'GNU parallel is not installed')
     def test_a_rerun_of_parallel_completes_what_was_killed(self):
         self.check_that_a_rerun_completes_what_was_killed('parallel', '--will-cite', '-q', '-j', '2')
+
+    def test_a_task_of_slurm_processes_its_row_of_the_list(self):
+        """As sbatch does it: the text of --wrap is a script of /bin/sh, which gets the number of its task."""
+        with open(os.path.join(ROOT, 'doc/fleet.md')) as file:
+            line, = re.findall('^    (sbatch .*)$', file.read(), re.M)
+        words = shlex.split(line)
+        script = words[words.index('--wrap') + 1]
+        os.symlink(os.path.join(ROOT, 'examples'), self.path('examples'))
+        names = ['robot1/my run.bag', "it's 2.bag", '$(touch evil).bag']
+        self.write('list.txt', ''.join(name + '\n' for name in names))
+
+        def run(task, **expected):
+            return self.run_program('/bin/sh', '-c', script, **expected,
+                                    env=dict(self.environment, SLURM_ARRAY_TASK_ID=str(task)))
+        for i, name in enumerate(names):
+            self.write_bag(name)
+            for words in ('8 images of /camera/image_raw matched', 'matched.bag is finished'):
+                run(i + 1, words=words)
+            self.assertEqual(sorted(os.listdir(self.path('results', name))), ['matched.bag', 'matched.csv'])
+            for later in names[i + 1:]:
+                self.assertFalse(os.path.exists(self.path('results', later)), 'row %d' % (i + 1))
+        self.assertFalse(os.path.exists(self.path('evil')))
+        run(len(names) + 1, code=2, words='is there an empty row in the list?')  # --array is too long
 
     def test_strange_rows_harm_no_other_recording(self):
         self.write_bag('good.bag')
