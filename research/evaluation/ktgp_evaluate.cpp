@@ -226,6 +226,12 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
+  // A motion in depth has its own table, and these options do not change it.
+  for (const char* unused :
+       {"--estimator", "--json", "--jobs", "--repeat", "--longest-side", "--hpatches",
+        "--truth-deviation", "--warps", "--warp-pairs", "--warp-seed"}) {
+    two_view->excludes(app.get_option(unused));
+  }
   app.add_option("--bag", arguments.bag)->group("");  // hidden; recordings have their own program
   tools::addCommonOptions(app, arguments.force);
   tools::addPipelineOptions(app, arguments.pipeline,

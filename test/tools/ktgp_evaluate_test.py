@@ -281,6 +281,11 @@ class KtgpEvaluate(ToolCase):
         self.evaluate("--two-view", "bad", "--methods", "MAGIC", code=2,
                       words="there is no method MAGIC of two views; expected one of SLAM")
 
+    def test_an_option_that_two_views_do_not_use_is_refused(self):
+        for option in ("--json=o.json", "--jobs=2", "--repeat=3", "--estimator=magsac", "--longest-side=100",
+                       "--truth-deviation=1", "--warps=small", "--hpatches"):
+            self.evaluate("--two-view", "bad", option, code=2, words="excludes")
+
     def test_pairs_that_cannot_be_are_named(self):
         (self.folder / "bad").mkdir()
         row = " 100 100 5 5 1 0 0 0 1 0 0 0 1 0 0 0\n"
