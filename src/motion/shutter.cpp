@@ -62,10 +62,14 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   reference_stamp_ = reference_stamp;
   motion_ = motion;
   if (size.empty() || !flow_.allFinite()) return Vector8::Zero();
+  return correction(size, camera);
+}
 
-  // Fits the correction of the homography by least squares to the shifts of a grid of points in the
-  // reference. Points that the frame does not show are left out.
+/// Fits the correction of the newest homography by least squares to the shifts of a grid of points
+/// in the reference. Points that the frame does not show are left out.
+Vector8 Shutter::correction(const cv::Size& size, const Eigen::Matrix3d& camera) const {
   constexpr int kGrid = 7;
+  const Eigen::Matrix3d& homography = motion_.homography;
   const double middle = (0.5 * (size.height - 1) - camera(1, 2)) / camera(1, 1);
   // How much later a row is exposed, as a share of the readout time, if its y (at focal length 1)
   // is larger by 1.

@@ -26,6 +26,7 @@ class Shutter {
               const cv::Size& size, const Eigen::Matrix3d& camera);
 
  private:
+  Vector8 correction(const cv::Size& size, const Eigen::Matrix3d& camera) const;
   void follow(const Vector8& seen, const Matrix8& noise);
 
   std::int64_t stamp_ = 0;
