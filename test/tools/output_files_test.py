@@ -14,7 +14,7 @@ import unittest
 
 import cv2
 import numpy as np
-from tool_case import TOOLS, PairCase, picture, without_times, write_pgm
+from tool_case import TOOLS, PairCase, picture, write_pgm
 
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
@@ -317,10 +317,6 @@ class MatchOutput(OutputCase):
 
 
 class EvaluateOutput(OutputCase):
-    def test_each_parameter_of_the_table_is_used_or_refused_or_named_as_without_effect(self):
-        self.check_each_parameter_of_pairs("ktgp_evaluate", "pairs.txt", "--methods", "KTGP+ALIGN", same={
-            "threads", "gms_rotation", "gms_scale", "fast_adaptive"})  # the views are neither turned, nearer nor dark
-
     def test_parameters_that_the_preset_of_two_views_replaces_are_named(self):
         camera = "300 300 160 120 1 0 0 0 1 0 0 0 1"
         self.write("cameras.txt", f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
@@ -377,7 +373,9 @@ class EvaluateOutput(OutputCase):
 
 
 @unittest.skipUnless(WITH_ROS, "built without ROS")
-class BagOutput(OutputCase):
+class RecordingCase(OutputCase):
+    """Has a recording of nine images."""
+
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
@@ -391,15 +389,10 @@ class BagOutput(OutputCase):
         self.bag = self.folder / "it's a bag.bag"
         self.bag.write_bytes(self.made.read_bytes())
 
+
+class BagOutput(RecordingCase):
     def refuses(self, *options, **expected):
         self.refused("ktgp_bag", self.bag, "out.bag", *options, **expected)
-
-    @unittest.skipUnless((TOOLS / "ktgp_evaluate_bag").exists(), "built without the research programs")
-    def test_each_parameter_of_the_table_is_used_or_refused_or_named_by_the_evaluation(self):
-        self.check_each_parameter_of_pairs("ktgp_evaluate_bag", self.bag, same={
-            "threads", "gms_rotation", "fast_adaptive"})  # the camera does not turn, and sees enough
-        self.write("fixed.yaml", "reference_mode: fixed\n")
-        self.refused("ktgp_evaluate_bag", self.bag, "--params", "fixed.yaml", words="reference_mode is fixed, but each")
 
     def test_the_only_image_topic_needs_no_name(self):
         self.run_tool("ktgp_bag", self.bag, "out.bag", words="9 images of /camera/image_raw")
@@ -485,16 +478,6 @@ class BagOutput(OutputCase):
         self.refuses("--reference_mode", "fixed", words="there is no reference")
         self.write("node.yaml", "lazy: false\nmax_latency: 1.0\n")
         self.run_tool("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")  # parameters of a node are not an error
-
-    def test_each_parameter_of_the_table_is_used_or_refused_or_named_as_without_effect(self):
-        def result(_):
-            run = self.run_tool("ktgp_bag", self.bag, "out.bag", "--force", "--csv", "out.csv", "--params", "one.yaml",
-                                code=None)
-            return run, without_times(self.table()) if run.returncode != 2 else None
-        self.check_each_parameter(result, same={
-            "threads", "calibration",  # only the messages say that the images are rectified
-            "gms_rotation", "fast_adaptive",  # the camera does not turn, and sees enough
-            "stretch"})  # there is no image of 16 bits
 
     def test_topics_have_names_that_ros_takes(self):
         for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):
