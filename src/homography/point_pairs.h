@@ -85,8 +85,7 @@ struct PointArrays {
     const auto end = static_cast<std::ptrdiff_t>(size);
     const auto [left, right] = std::minmax_element(x.begin(), x.begin() + end);
     const auto [top, bottom] = std::minmax_element(y.begin(), y.begin() + end);
-    const util::Cells cells(Eigen::Vector2d::Zero(), {*right - *left, *bottom - *top}, side,
-                            kMostCells);
+    util::Cells cells(Eigen::Vector2d::Zero(), {*right - *left, *bottom - *top}, side, kMostCells);
     cell.resize(size);
     for (std::size_t i = 0; i < size; ++i) cell[i] = cells.at(x[i] - *left, y[i] - *top);
     return cells;

@@ -43,9 +43,10 @@ class CellGrid {
     const int right = cells_.column(x + radius);
     const int last = cells_.row(y + radius);
     for (int row = cells_.row(y - radius); row <= last; ++row) {
-      const int first = row * cells_.columns();
-      visit(points_.begin(static_cast<std::size_t>(first + left)),
-            points_.end(static_cast<std::size_t>(first + right)));
+      const int first = row * cells_.columns() + left;
+      const int last_cell = row * cells_.columns() + right;
+      visit(points_.begin(static_cast<std::size_t>(first)),
+            points_.end(static_cast<std::size_t>(last_cell)));
     }
   }
 

@@ -32,7 +32,8 @@ class Cells {
   int row(double y) const { return clamped(y - low_.y(), rows_); }
   /// Index of the cell with this point, below count().
   std::size_t at(double x, double y) const {
-    return static_cast<std::size_t>(row(y) * columns_ + column(x));
+    const int cell = row(y) * columns_ + column(x);
+    return static_cast<std::size_t>(cell);
   }
 
  private:
