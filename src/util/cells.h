@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <opencv2/core/types.hpp>
 
 namespace ktgp_orb::util {
@@ -15,14 +16,15 @@ class Cells {
   /// `low`: left upper corner of the rectangle. `size`: its width and height; negative ones count
   /// as 0. `side`: side of a cell, above 0. `most`: largest number of cells along an axis; if this
   /// is not enough, the last cell also holds all points beyond it.
-  Cells(const Eigen::Vector2d& low, const Eigen::Vector2d& size, double side, int most = 1024)
+  Cells(const Eigen::Vector2d& low, const Eigen::Vector2d& size, double side, int most)
       : low_(low), side_(side) {
     columns_ = clamped(size.x(), most) + 1;
     rows_ = clamped(size.y(), most) + 1;
   }
-  /// Cells of an image, px.
+  /// Cells of an image, px; as many as it needs.
   Cells(const cv::Size& image, double side)
-      : Cells(Eigen::Vector2d::Zero(), {image.width, image.height}, side) {}
+      : Cells(Eigen::Vector2d::Zero(), {image.width, image.height}, side,
+              std::numeric_limits<int>::max()) {}
 
   int columns() const { return columns_; }
   std::size_t count() const {
@@ -32,8 +34,8 @@ class Cells {
   int row(double y) const { return clamped(y - low_.y(), rows_); }
   /// Index of the cell with this point, below count().
   std::size_t at(double x, double y) const {
-    const int cell = row(y) * columns_ + column(x);
-    return static_cast<std::size_t>(cell);
+    return static_cast<std::size_t>(row(y)) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column(x));
   }
 
  private:

@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <atomic>
+#include <cmath>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -13,12 +14,24 @@
 #include <vector>
 
 #include "allocation_counter.h"
+#include "util/cells.h"
 #include "util/grey_levels.h"
 #include "util/printable.h"
 #include "util/small_matrix.h"
 
 namespace ktgp_orb::util {
 namespace {
+
+TEST(Cells, OfALongImageAreAsManyAsItNeeds) {
+  const Cells cells(cv::Size(40000, 100), 8.0);
+  EXPECT_EQ(cells.count(), 5001U * 13U);
+  EXPECT_EQ(cells.at(39999.0, 50.0), 6U * 5001U + 4999U);
+  EXPECT_EQ(cells.at(-5.0, 1e9), 12U * 5001U);
+  EXPECT_EQ(cells.at(std::nan(""), 0.0), 0U);
+  const Cells few(Eigen::Vector2d(-4.0, 2.0), {1e6, 3.0}, 2.0, 64);
+  EXPECT_EQ(few.count(), 64U * 2U);
+  EXPECT_EQ(few.at(1e5, 4.5), 64U + 63U);
+}
 
 TEST(ThreadPool, RunsEveryIterationOnceForAnyNumberOfThreads) {
   for (int threads : {1, 2, 3, 8}) {
