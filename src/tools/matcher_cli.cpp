@@ -101,10 +101,9 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
 
 /// Names the given parameters that the program does not use: a file of a node has all parameters,
 /// and a mistake would not be seen. A preset may have such parameters, too, but nobody chose them.
-void nameIdle(const Given& given, const Parameters& parameters, const IsIdle& is_idle) {
+void nameIdle(const Given& given, const Parameters& of_file, const Parameters& parameters,
+              const IsIdle& is_idle) {
   const Parameters usual;
-  Parameters of_file;
-  if (!given.at("params").empty()) readParameterFile(given.at("params"), of_file);
   std::vector<std::string> names;
   for (const ParameterRow& row : parameterRows()) {
     const bool is_given =
@@ -142,12 +141,17 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   };
   app.callback([given, preset, defaults, done, is_unused] {
     Parameters parameters = defaults;
+    Parameters of_file;
     const std::string& file = given->at("params");
     const std::string& chosen = given->at("preset");
     const std::string& first = chosen.empty() && file.empty() ? preset : chosen;
     try {
       if (!first.empty()) readPreset(first, parameters);
-      if (!file.empty()) readParameterFile(file, parameters);
+      if (!file.empty()) {
+        const std::string text = parameterText(file);
+        readParameters(file, text, parameters);
+        readParameters(file, text, of_file);
+      }
       for (const auto& [name, text] : *given) {
         const ParameterRow* const row = findParameter(name);
         if (row != nullptr) setParameter(*row, text, parameters);
@@ -155,7 +159,7 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
       const std::string note = noteOnFixed(parameters);
       if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
       done(parameters);
-      nameIdle(*given, parameters, is_unused);
+      nameIdle(*given, of_file, parameters, is_unused);
     } catch (const std::invalid_argument& error) {
       throw CLI::ValidationError(error.what());
     }

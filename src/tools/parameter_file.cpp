@@ -83,19 +83,9 @@ void readYaml(const std::string& text, Parameters& parameters) {
   }
 }
 
-void readNamed(const std::string& name, const std::string& text, Parameters& parameters) {
-  try {
-    readYaml(text, parameters);
-  } catch (const YAML::Exception& error) {
-    throw std::invalid_argument(name + ": " + error.what());
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(name + ": " + error.what());
-  }
-}
-
 }  // namespace
 
-void readParameterFile(const std::string& file, Parameters& parameters) {
+std::string parameterText(const std::string& file) {
   constexpr std::size_t kMost = 1 << 20;  // size limit, bytes: a device file may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
@@ -105,7 +95,17 @@ void readParameterFile(const std::string& file, Parameters& parameters) {
   if (text.size() > kMost) {
     throw std::invalid_argument(file + ": is longer than 1 MB; expected a file of parameters");
   }
-  readNamed(file, text, parameters);
+  return text;
+}
+
+void readParameters(const std::string& name, const std::string& text, Parameters& parameters) {
+  try {
+    readYaml(text, parameters);
+  } catch (const YAML::Exception& error) {
+    throw std::invalid_argument(name + ": " + error.what());
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(name + ": " + error.what());
+  }
 }
 
 void readPreset(const std::string& name, Parameters& parameters) {
@@ -113,7 +113,7 @@ void readPreset(const std::string& name, Parameters& parameters) {
   if (preset == presets().end()) {
     throw std::invalid_argument("preset is " + name + "; expected " + namesOfPresets());
   }
-  readNamed("preset " + name, preset->second, parameters);
+  readParameters("preset " + name, preset->second, parameters);
 }
 
 std::string namesOfPresets() {

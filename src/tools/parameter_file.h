@@ -7,10 +7,13 @@
 
 namespace ktgp_orb::tools {
 
-/// Reads the parameters from a YAML file written by `rosparam dump` (flat, or below the node's
-/// name) or `dynparam dump`. Throws std::invalid_argument with the file and the problem: not YAML,
-/// an unknown parameter, a value out of its range.
-void readParameterFile(const std::string& file, Parameters& parameters);
+/// Returns the text of a file of parameters, which may be a pipe. Throws std::invalid_argument with
+/// the file and the problem.
+std::string parameterText(const std::string& file);
+/// Reads the parameters from YAML as `rosparam dump` (flat, or below the node's name) or `dynparam
+/// dump` write it. Throws std::invalid_argument with `name` and the problem: not YAML, an unknown
+/// parameter, a value out of its range.
+void readParameters(const std::string& name, const std::string& text, Parameters& parameters);
 
 /// Reads the parameters from config/NAME.yaml, which is built into the program. Throws
 /// std::invalid_argument for an unknown name.

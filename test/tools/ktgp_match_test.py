@@ -487,6 +487,12 @@ class KtgpMatch(PairCase):
         self.assertIs(self.options("--params", "flat.yaml")["gms_rotation"], True)
         self.assertEqual(self.options("--params", "dynparam.yaml")["descriptor"], "teblid")
 
+    def test_the_parameters_may_come_from_a_pipe(self):
+        run = subprocess.run([TOOLS / "ktgp_match", "a.pgm", "b.pgm", "--params", "/dev/stdin", "--json", "out.json"],
+                             cwd=self.folder, input="T_w: 0.71\n", text=True, stdout=subprocess.DEVNULL, timeout=60)
+        self.assertEqual(run.returncode, 0)
+        self.assertEqual(self.json()["options"]["T_w"], 0.71)
+
     def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
         self.write("p.yaml", "T_w: 0.71\nmutual: false\n")
         robust = self.options("--preset", "robust")
