@@ -148,7 +148,7 @@ struct SequenceMatch {
   /// keep the result of the previous frame. If an image stays the same for longer than earlier
   /// images took to change (or for 0.1 s if no image has changed yet), the camera stands still.
   /// From then on, equal images count as new frames, unless they have alternated with new ones
-  /// three times.
+  /// three times, and are not more in a row than before.
   bool repeated = false;
   bool reference_changed = false;  ///< the previous frame had another reference
   MatchResult match;               ///< empty and with status no_reference if there is no reference

@@ -52,14 +52,16 @@ bool Repeats::repeats(const cv::Mat& image, std::int64_t stamp, const cv::Mat& l
   if (seconds < 0.0) return false;
   const double difference = differenceOf(image, last);
   const bool is_equal = difference == 0.0 && areEqual(image, last);
-  const bool alternates = isInLowerGroup(difference);
-  const bool is_same = alternates || is_equal;
+  const Alternation alternation = alternationWith(difference);
+  const bool is_same = alternation.row > 0 || is_equal;
   if (is_equal && seconds == 0.0 && stamp != 0) return true;  // same message twice
   // If the messages have no stamps, `seconds` is 0. Then we cannot tell a camera that stands still
   // from a camera that repeats images, so the image is not called a repetition.
-  // Equal pixels that alternate with new ones are repetitions at any rate: without noise, a camera
-  // would have to stop and go on with every image.
-  const bool is_soon = seconds <= patience() || (is_equal && alternates);
+  //
+  // Equal pixels that alternate with new ones are repetitions at any rate, unless there are more in
+  // a row than before: then the camera has stopped.
+  const bool is_usual = alternation.row > 0 && alternation.row <= alternation.longest;
+  const bool is_soon = seconds <= patience() || (is_equal && is_usual);
   if (is_same && !stands_still_ && seconds > 0.0 && is_soon) return true;
   // Store the time since the last new image, but not while the camera stands still. For the first
   // equal image that comes after patience() has passed, the time is stored, because the image may
@@ -82,11 +84,11 @@ double Repeats::patience() const {
   return kMore * *std::max_element(intervals_.begin(), intervals_.end());
 }
 
-/// Returns true if the differences alternate between a group of large and a group of small values,
-/// and `difference` belongs to the small values. While a motion slows down, some differences lie
-/// between the groups, so the result is false. When a motion stops, the differences become small
-/// only once, so the result is false, too.
-bool Repeats::isInLowerGroup(double difference) {
+/// Adds `difference`, and finds whether the differences alternate between a group of large and a
+/// group of small values, and `difference` belongs to the small values. While a motion slows down,
+/// some differences lie between the groups, so it belongs to none. When a motion stops, the
+/// differences become small only once, so it belongs to none, too.
+Repeats::Alternation Repeats::alternationWith(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; smaller differences are set to this
   // The smallest of the large differences must be at least this many times the largest of the small
@@ -101,12 +103,16 @@ bool Repeats::isInLowerGroup(double difference) {
   std::sort(sorted.begin(), end);
   const auto first_above =
       std::find_if(sorted.begin(), end, [&](double d) { return d > kAlike * sorted[0]; });
-  if (first_above == end || *first_above < kApart * *(first_above - 1)) return false;
+  if (first_above == end || *first_above < kApart * *(first_above - 1)) return {};
   int falls = 0;
-  for (std::size_t i = 1; i < differences_.size(); ++i) {
-    falls += differences_[i] < *first_above && differences_[i - 1] >= *first_above ? 1 : 0;
+  Alternation found;
+  for (std::size_t i = 0; i < differences_.size(); ++i) {
+    const bool is_small = differences_[i] < *first_above;
+    falls += is_small && i > 0 && differences_[i - 1] >= *first_above ? 1 : 0;
+    if (!is_small) found.longest = std::max(found.longest, found.row);
+    found.row = is_small ? found.row + 1 : 0;
   }
-  return falls >= kTimes && differences_.back() < *first_above;
+  return falls >= kTimes ? found : Alternation();
 }
 
 }  // namespace ktgp_orb::sequence

@@ -15,7 +15,7 @@ namespace ktgp_orb::sequence {
 /// the camera usually needs for a new image, the camera stands still. From then on, equal images
 /// count as new images, so that the results show the standstill. At rates below ten images a second
 /// the usual time is not known at first; the same pixels then count as repetitions as soon as they
-/// alternate with new ones.
+/// alternate with new ones, and as often in a row as before.
 class Repeats {
  public:
   /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.
@@ -25,7 +25,13 @@ class Repeats {
   void forget() { *this = {}; }
 
  private:
-  bool isInLowerGroup(double difference);
+  /// The images at the end that belong to the lower group of an alternation; see alternationWith().
+  struct Alternation {
+    int row = 0;      // number of such images in a row, the newest included; 0: it belongs to none
+    int longest = 0;  // the longest such row before
+  };
+
+  Alternation alternationWith(double difference);
   double patience() const;
 
   // For each of the newest images: its mean absolute difference from the last image before it that

@@ -109,6 +109,20 @@ TEST(Repeats, TheSamePixelsAtALowRateAreFoundByTheirAlternation) {
   EXPECT_LE(missed, 3);
 }
 
+TEST(Repeats, ADoubledCameraThatStopsHasFramesSoonAgain) {
+  for (const double period : {1.0 / kRate, 0.4}) {
+    SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
+    constexpr int kStops = 30;
+    int repeats = 0;
+    for (int i = 0; i < 50; ++i) {
+      const int x = kStep * (std::min(i, kStops) / 2);
+      const SequenceMatch& match = matcher.match(test::viewAt(x, 20), 1.0 + period * i);
+      repeats += i > kStops && match.repeated ? 1 : 0;
+    }
+    EXPECT_LE(repeats, 4) << period;
+  }
+}
+
 // Found by the pattern, which takes a few repetitions.
 TEST(Repeats, ImagesThatWereCompressedAnewAreFoundSoon) {
   for (const int times : {2, 3}) {
