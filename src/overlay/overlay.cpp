@@ -205,8 +205,14 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   const double scale = static_cast<double>(kMostSide) / std::max(source.cols, source.rows);
   Eigen::Matrix3d from_source = result.answer.homography;
   if (scale < 1.0) {
+    const Eigen::Vector2d size(source.cols, source.rows);
     cv::resize(source, source, {}, scale, scale, cv::INTER_AREA);
-    from_source.leftCols<2>() /= scale;
+    // resize() rounds the size, and keeps the borders of the pixels in place, not their centres.
+    const Eigen::Vector2d by = size.cwiseQuotient(Eigen::Vector2d(source.cols, source.rows));
+    const Eigen::Vector2d shift = 0.5 * (by - Eigen::Vector2d::Ones());
+    const Eigen::Affine2d to_reference =
+        Eigen::Translation2d(shift) * Eigen::Scaling(by.x(), by.y());
+    from_source *= to_reference.matrix();
   }
   cv::Mat homography;
   cv::eigen2cv(from_source, homography);
