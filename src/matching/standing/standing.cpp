@@ -67,6 +67,7 @@ struct Spread {
 
 bool Standing::collect(const Features& reference, const Features& target,
                        const std::vector<Correspondence>& matches) {
+  answer_stands_still_ = false;
   image_size_ = reference.image_size;
   if (image_size_.empty() || image_size_ != target.image_size) return false;
   moving_.clear();
