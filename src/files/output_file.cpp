@@ -9,10 +9,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -120,29 +118,6 @@ std::string leftName(const std::string& target) {
 [[noreturn]] void fail(const std::string& path) {
   throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
-
-/// While this object exists, a write of this thread beyond the limit for file sizes (ulimit -f)
-/// fails with EFBIG. Without it, the signal SIGXFSZ would end the process, and all nodelets in it.
-class WithoutSizeSignal {
- public:
-  WithoutSizeSignal() {
-    sigemptyset(&signal_);
-    sigaddset(&signal_, SIGXFSZ);
-    pthread_sigmask(SIG_BLOCK, &signal_, &before_);
-  }
-  ~WithoutSizeSignal() {
-    const timespec at_once{};
-    while (sigtimedwait(&signal_, nullptr, &at_once) > 0) {  // takes the signals that are pending
-    }
-    pthread_sigmask(SIG_SETMASK, &before_, nullptr);
-  }
-  WithoutSizeSignal(const WithoutSizeSignal&) = delete;
-  WithoutSizeSignal& operator=(const WithoutSizeSignal&) = delete;
-
- private:
-  sigset_t signal_{};
-  sigset_t before_{};
-};
 
 /// Flushes a file or folder to the disk. Returns false and sets errno on failure.
 bool synchronised(const std::string& path, int flags) {
@@ -351,7 +326,6 @@ void writeText(const std::string& file, const std::string& text, bool force) {
 }
 
 void write(const OutputFile& file, const std::string& bytes) {
-  const WithoutSizeSignal guard;
   std::ofstream out(file.unfinished(), std::ios::binary);
   out << bytes;
   out.close();

@@ -20,7 +20,8 @@ SERVICES = {'add': SetTarget, 'replace': SetTarget, 'remove': RemoveTarget, 'det
 
 
 def limit_files():
-    """As on a full disk, a write beyond this fails."""
+    """As on a full disk, a write beyond this fails: callbacks run in threads of ros::AsyncSpinner, where all signals
+    are blocked, also SIGXFSZ, which would end the node."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
 
 
