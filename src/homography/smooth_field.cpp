@@ -257,11 +257,11 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  constexpr int kMost = 64;  // keypoints far outside the image are in the last row or column
-  const util::Cells cells(low, high - low, cell_side, kMost);
+  using Points = PointArrays<double>;
+  const util::Cells cells(low, high - low, cell_side, Points::kMostCells);
   columns_ = static_cast<std::size_t>(cells.columns());
   rows_ = cells.count() / columns_;
-  cells_.reserve(PointArrays<double>::kUsualCells);
+  cells_.reserve(Points::kUsualCells);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
     pair.cell = cells.at(pair.point.x(), pair.point.y());
