@@ -147,8 +147,8 @@ struct SequenceMatch {
   /// rate, repeat images. A repeated image is not a new frame: all other fields, including `frame`,
   /// keep the result of the previous frame. If an image stays the same for longer than earlier
   /// images took to change (or for 0.1 s if no image has changed yet), the camera stands still.
-  /// From then on, equal images count as new frames, unless they have alternated with new ones
-  /// three times, and are not more in a row than before.
+  /// From then on, equal images count as new frames. But if equal images have alternated with new
+  /// ones three times, they are repetitions as long as there are not more in a row than before.
   bool repeated = false;
   bool reference_changed = false;  ///< the previous frame had another reference
   MatchResult match;               ///< empty and with status no_reference if there is no reference

@@ -86,8 +86,8 @@ double Repeats::patience() const {
 
 /// Adds `difference`, and finds whether the differences alternate between a group of large and a
 /// group of small values, and `difference` belongs to the small values. While a motion slows down,
-/// some differences lie between the groups, so it belongs to none. When a motion stops, the
-/// differences become small only once, so it belongs to none, too.
+/// some differences lie between the groups, so there is no alternation. When a motion stops, the
+/// differences become small only once, so there is none, either.
 Repeats::Alternation Repeats::alternationWith(double difference) {
   constexpr std::size_t kImages = 16;
   constexpr double kLeast = 0.05;  // grey levels; smaller differences are set to this

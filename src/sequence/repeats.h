@@ -13,9 +13,9 @@ namespace ktgp_orb::sequence {
 /// pixels differ a little: the differences from the last new image then alternate between large
 /// values, due to the motion, and much smaller values. If the image stays the same for longer than
 /// the camera usually needs for a new image, the camera stands still. From then on, equal images
-/// count as new images, so that the results show the standstill. At rates below ten images a second
-/// the usual time is not known at first; the same pixels then count as repetitions as soon as they
-/// alternate with new ones, and as often in a row as before.
+/// count as new images, so that the results show the standstill. A camera with less than four
+/// images a second needs longer than that for a new image. So equal images that alternate with new
+/// ones are repetitions at any rate, unless there are more of them in a row than before.
 class Repeats {
  public:
   /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.
@@ -25,10 +25,10 @@ class Repeats {
   void forget() { *this = {}; }
 
  private:
-  /// The images at the end that belong to the lower group of an alternation; see alternationWith().
+  /// Number of successive images with small differences in an alternation; see alternationWith().
   struct Alternation {
-    int row = 0;      // number of such images in a row, the newest included; 0: it belongs to none
-    int longest = 0;  // the longest such row before
+    int row = 0;  // up to the newest image; 0 if its difference is not small, or nothing alternates
+    int longest = 0;  // the largest number before
   };
 
   Alternation alternationWith(double difference);
