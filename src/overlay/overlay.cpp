@@ -189,6 +189,20 @@ cv::Mat toGrey(const cv::Mat& image) {
   return grey;
 }
 
+/// cv::warpPerspective() refuses images with a side above 32766 px, so this function shrinks such
+/// an image. Returns the homography from the shrunk image to the given one.
+Eigen::Matrix3d shrinkForWarp(cv::Mat& image) {
+  constexpr double kMostSide = 32766.0;  // px
+  const Eigen::Vector2d size(image.cols, image.rows);
+  const double scale = kMostSide / size.maxCoeff();
+  if (scale >= 1.0) return Eigen::Matrix3d::Identity();
+  cv::resize(image, image, {}, scale, scale, cv::INTER_AREA);
+  // resize() rounds the size, and keeps the borders of the pixels in place, not their centres.
+  const Eigen::Vector2d by = size.cwiseQuotient(Eigen::Vector2d(image.cols, image.rows));
+  const Eigen::Vector2d shift = 0.5 * (by - Eigen::Vector2d::Ones());
+  return (Eigen::Translation2d(shift) * Eigen::Scaling(by.x(), by.y())).matrix();
+}
+
 /// Draws the overlay of OverlayStyle::difference, without the panel. First adjusts the mean and
 /// contrast of the warped reference to the target; each grey value is then 128 + (target - warped
 /// reference) / 2. Shows the darkened target where the warped reference does not cover it, or
@@ -198,22 +212,8 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
   if (result.homographyStatus() != Status::ok || reference.image.empty()) return;
 
-  // warpPerspective() refuses images that are longer than kMostSide, so a longer reference is
-  // shrunk.
-  constexpr int kMostSide = 32766;  // px
   cv::Mat source = toGrey(reference.image);
-  const double scale = static_cast<double>(kMostSide) / std::max(source.cols, source.rows);
-  Eigen::Matrix3d from_source = result.answer.homography;
-  if (scale < 1.0) {
-    const Eigen::Vector2d size(source.cols, source.rows);
-    cv::resize(source, source, {}, scale, scale, cv::INTER_AREA);
-    // resize() rounds the size, and keeps the borders of the pixels in place, not their centres.
-    const Eigen::Vector2d by = size.cwiseQuotient(Eigen::Vector2d(source.cols, source.rows));
-    const Eigen::Vector2d shift = 0.5 * (by - Eigen::Vector2d::Ones());
-    const Eigen::Affine2d to_reference =
-        Eigen::Translation2d(shift) * Eigen::Scaling(by.x(), by.y());
-    from_source *= to_reference.matrix();
-  }
+  const Eigen::Matrix3d from_source = result.answer.homography * shrinkForWarp(source);
   cv::Mat homography;
   cv::eigen2cv(from_source, homography);
   const cv::Mat grey = toGrey(target.image);
