@@ -528,17 +528,13 @@ CLI::Validator nameOfTopics() {
   return CLI::Validator(check, "");
 }
 
-bool drawsOverlay(const CLI::App& app) {
-  return app.count("--overlay") + app.count("--draw") > 0;
-}
-
 /// Returns true if the parameter has no effect with the given options and parameters.
 bool isIdle(const CLI::App& app, const ParameterRow& row, const Parameters& all) {
   const bool is_fixed = all.reference_mode == "fixed";
   if (row.name == "reference_image" || row.name == "views") return !is_fixed;
   if (row.name == "max_reference_age") return is_fixed;
   if (row.name == "growth") return all.reference_mode == "previous";
-  return row.name == "overlay_style" && !drawsOverlay(app);
+  return row.name == "overlay_style" && app.count("--overlay") + app.count("--draw") == 0;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
@@ -596,7 +592,6 @@ void addArguments(CLI::App& app, Arguments& arguments) {
 void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const Parameters& parameters = arguments.parameters;
   const GroundMotionConfig& motion = arguments.motion.config;
-  const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") + app.count("--mosaic") > 0 ||
                      parameters.geometry != "homography";
   const auto refuse_unless = [&app](bool used, const char* option, const char* condition) {
@@ -604,7 +599,10 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
                                 condition + "; leave it out");
   };
-  refuse_unless(fixed, "--reference_image", "--reference_mode fixed");
+  const auto is_used = [&](const char* name) {
+    return !isIdle(app, *findParameter(name), parameters);
+  };
+  refuse_unless(is_used("reference_image"), "--reference_image", "--reference_mode fixed");
   refuse_unless(posed, "--calibration",
                 "--targets, --motion, --mosaic, or --geometry auto or epipolar");
   refuse_unless(posed, "--camera", "--targets, --motion, --mosaic, or --geometry auto or epipolar");
@@ -614,8 +612,8 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   refuse_unless(motion.height_source == "range", "--motion_range", "--motion_height_source range");
   refuse_unless(motion.normal_source == "imu" || motion.gyro, "--motion_imu",
                 "--motion_normal_source imu or --motion_gyro");
-  refuse_unless(drawsOverlay(app), "--overlay_style", "--overlay or --draw");
-  if (fixed && parameters.reference_image.empty()) {
+  refuse_unless(is_used("overlay_style"), "--overlay_style", "--overlay or --draw");
+  if (is_used("reference_image") && parameters.reference_image.empty()) {
     throw std::invalid_argument(
         "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
   }

@@ -114,6 +114,28 @@ void nameIdle(const Given& given, const Parameters& of_file, const Parameters& p
   std::fprintf(stderr, "without effect in this run: %s\n", util::joined(names, ", ").c_str());
 }
 
+/// Returns the values of the parameters: those of the preset, those of the file of --params
+/// instead, and those of the options instead. `preset`: used if the command line names neither a
+/// preset nor a file. Sets `of_file` to the values of the file alone.
+Parameters valuesOf(const Given& given, const std::string& preset, const Parameters& defaults,
+                    Parameters& of_file) {
+  Parameters parameters = defaults;
+  const std::string& file = given.at("params");
+  const std::string& chosen = given.at("preset");
+  const std::string& first = chosen.empty() && file.empty() ? preset : chosen;
+  if (!first.empty()) readPreset(first, parameters);
+  if (!file.empty()) {
+    const std::string text = parameterText(file);
+    readParameters(file, text, parameters);
+    readParameters(file, text, of_file);
+  }
+  for (const auto& [name, text] : given) {
+    const ParameterRow* const row = findParameter(name);
+    if (row != nullptr) setParameter(*row, text, parameters);
+  }
+  return parameters;
+}
+
 /// Adds an option for each parameter that `wanted` accepts. After parsing, calls `done` with the
 /// values of the parameters, and then names the ones without effect.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
@@ -140,22 +162,9 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
     return !wanted(row) || is_idle(row, all);
   };
   app.callback([given, preset, defaults, done, is_unused] {
-    Parameters parameters = defaults;
-    Parameters of_file;
-    const std::string& file = given->at("params");
-    const std::string& chosen = given->at("preset");
-    const std::string& first = chosen.empty() && file.empty() ? preset : chosen;
     try {
-      if (!first.empty()) readPreset(first, parameters);
-      if (!file.empty()) {
-        const std::string text = parameterText(file);
-        readParameters(file, text, parameters);
-        readParameters(file, text, of_file);
-      }
-      for (const auto& [name, text] : *given) {
-        const ParameterRow* const row = findParameter(name);
-        if (row != nullptr) setParameter(*row, text, parameters);
-      }
+      Parameters of_file;
+      const Parameters parameters = valuesOf(*given, preset, defaults, of_file);
       const std::string note = noteOnFixed(parameters);
       if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
       done(parameters);
