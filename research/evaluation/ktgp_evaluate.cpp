@@ -151,14 +151,14 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
   return scores;
 }
 
-/// Returns true if no method uses the parameter. `has_two_views`: of the option --two-view.
+/// Returns true if no method uses the parameter. `has_two_views`: the option --two-view is given.
 bool isIdle(const ParameterRow& row, const Parameters& all, bool has_two_views) {
   static const std::set<std::string> of_sequences{"search_radius", "views"};
   // The name of a method decides about these.
   static const std::set<std::string> of_methods{"mutual", "gms", "growth", "guided", "geometry"};
   if (of_sequences.count(row.name) > 0) return true;
   if (!has_two_views) return of_methods.count(row.name) > 0;
-  // Only then the matcher's parameters replace the preset slam.
+  // The matcher's parameters replace the preset slam only if they choose a two-view geometry.
   const bool replaces_preset = all.geometry != "homography";
   return !replaces_preset && row.group != "stage_1_orb" && row.name != "threads";
 }
@@ -226,7 +226,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
-  // A motion in depth has its own table, and these options do not change it.
+  // The evaluation of two views has a table of its own, which does not use these options.
   for (const char* unused :
        {"--estimator", "--json", "--jobs", "--repeat", "--longest-side", "--hpatches",
         "--truth-deviation", "--warps", "--warp-pairs", "--warp-seed"}) {

@@ -317,7 +317,7 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
                 causeOf(outcome, corners).c_str());
   }
   if (result.hasStillThings()) {
-    std::printf("warning: %zu matches: %s\n", result.still, matching::kThingsStandStill);
+    std::printf("warning: %s (%zu matches)\n", matching::kThingsStandStill, result.still);
   }
   warnOfDepth(outcome, options.matcher);
   if (outcome.truth) {
