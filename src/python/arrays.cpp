@@ -195,14 +195,27 @@ ImageArray maskImage(const py::object& mask) {
   return grey;
 }
 
+template <typename Numbers>
+Numbers numbersFrom(const py::object& numbers, const std::string& name) {
+  constexpr bool kIsVector = Numbers::ColsAtCompileTime == 1;
+  const std::string rows = std::to_string(Numbers::RowsAtCompileTime);
+  refuseMasked(numbers, name, "all of its numbers");
+  py::detail::make_caster<Numbers> caster;
+  if (!caster.load(numbers, true)) {
+    throw py::value_error(name + " is no " + (kIsVector ? "vector" : "matrix") +
+                          " of numbers; expected an array of the shape (" + rows + "," +
+                          (kIsVector ? "" : " " + rows) + ")");
+  }
+  return py::detail::cast_op<const Numbers&>(caster);
+}
+
+template Eigen::Vector3d numbersFrom(const py::object& numbers, const std::string& name);
+template Eigen::Matrix3d numbersFrom(const py::object& numbers, const std::string& name);
+template Eigen::Matrix4d numbersFrom(const py::object& numbers, const std::string& name);
+
 std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name) {
   if (matrix.is_none()) return std::nullopt;
-  refuseMasked(matrix, name, "all nine numbers");
-  py::detail::make_caster<Eigen::Matrix3d> caster;
-  if (!caster.load(matrix, true)) {
-    throw py::value_error(name + " is no matrix of numbers; expected an array of the shape (3, 3)");
-  }
-  return py::detail::cast_op<const Eigen::Matrix3d&>(caster);
+  return numbersFrom<Eigen::Matrix3d>(matrix, name);
 }
 
 py::array_t<float> keypointArray(const Features& features) {

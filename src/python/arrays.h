@@ -36,9 +36,13 @@ ImageArray greyImage(const py::object& image, const std::string& name);
 /// Returns the mask as CV_8UC1, or an empty matrix if `mask` is None.
 ImageArray maskImage(const py::object& mask);
 
-/// Returns the camera matrix K that a Python program gives as the argument `name`, or nothing if it
-/// gives None. Throws py::value_error, which names the argument and what is expected. Also throws
-/// for a masked array that hides values.
+/// Returns the vector or the square matrix that a Python program gives as the argument `name`.
+/// Throws py::value_error, which names the argument and what is expected. Also throws for a masked
+/// array that hides values. Numbers: Eigen::Vector3d, Matrix3d or Matrix4d.
+template <typename Numbers>
+Numbers numbersFrom(const py::object& numbers, const std::string& name);
+
+/// Returns the camera matrix K like numbersFrom(), or nothing for None.
 std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name);
 
 /// Returns the keypoints as an array (N, 6) of float32: x, y, size, angle, response, octave.

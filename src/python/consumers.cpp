@@ -306,9 +306,8 @@ using SharedMotion = Shared<GroundMotion>;
 
 GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame, const py::object& camera,
                            const std::optional<std::pair<double, double>>& height,
-                           const std::optional<std::pair<Eigen::Vector3d, double>>& down,
-                           const std::optional<std::pair<Eigen::Matrix3d, double>>& turn,
-                           bool of_imu) {
+                           const std::optional<std::pair<py::object, double>>& down,
+                           const std::optional<std::pair<py::object, double>>& turn, bool of_imu) {
   if (frame.hasHomography() && frame.reference_size != frame.image_size) {
     throw py::value_error("the homography is from a reference of " +
                           util::text(frame.reference_size) + " to an image of " +
@@ -327,12 +326,14 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame, const 
   }
   if (down) {
     given.down.emplace();
-    std::tie(given.down->direction, given.down->deviation) = *down;
+    given.down->direction = numbersFrom<Eigen::Vector3d>(down->first, "down[0]");
+    given.down->deviation = down->second;
     given.down->of_imu = of_imu;
   }
   if (turn) {
     given.turn.emplace();
-    std::tie(given.turn->rotation, given.turn->deviation) = *turn;
+    given.turn->rotation = numbersFrom<Eigen::Matrix3d>(turn->first, "turn[0]");
+    given.turn->deviation = turn->second;
   }
   return shared.use([&](GroundMotion& motion) { return motion.add(given); });
 }
@@ -397,10 +398,11 @@ void defineGroundMotion(py::module& module) {
   py::class_<SharedMotion>(module, "GroundMotion",
                            "Motion in metres of a calibrated camera that looks at flat ground. "
                            "Threads may share an object.")
-      .def(py::init([](const Eigen::Matrix4d& camera_to_base, double ground_slope,
-                       double readout_time, double scale_deviation) {
+      .def(py::init([](const py::object& camera_to_base, double ground_slope, double readout_time,
+                       double scale_deviation) {
              GroundMotionOptions options;
-             options.camera_to_base.matrix() = camera_to_base;
+             options.camera_to_base.matrix() =
+                 numbersFrom<Eigen::Matrix4d>(camera_to_base, "camera_to_base");
              options.ground_slope = ground_slope;
              options.readout_time = readout_time;
              options.scale_deviation = scale_deviation;

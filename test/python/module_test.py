@@ -7,6 +7,7 @@ import json
 import math
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -284,12 +285,32 @@ class ModuleTest(unittest.TestCase):
             for good in (K, np.ma.masked_array(K), np.ma.masked_array(K, np.zeros((3, 3), bool)), K.tolist()):
                 use(good)
             for bad, words in ((np.ma.masked_equal(K, 319.5),
-                                ' is a masked array with hidden values; expected all nine numbers'),
+                                ' is a masked array with hidden values; expected all of its numbers'),
                                (K[:2], r' is no matrix of numbers; expected an array of the shape \(3, 3\)'),
                                ('K.txt', r' is no matrix of numbers; expected')):
                 with self.assertRaisesRegex(ValueError, '^' + name + words):
                     use(bad)
         self.assertIsNone(ktgp.match(self.reference, self.target, 'slam', K=None).rotation)
+
+    def test_a_place_or_a_turn_of_which_a_part_is_hidden_or_missing_is_refused(self):
+        K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
+        frame = ktgp.Sequence().match(self.reference, 1.0)
+
+        def add(**given):
+            return ktgp.GroundMotion().add(frame, K, height=(2.0, 0.01), **given)
+        uses = (('down[0]', 'vector', '(3,)', np.array([0, 0, 1.0]), lambda a: add(down=(a, 0.01))),
+                ('turn[0]', 'matrix', '(3, 3)', np.eye(3), lambda a: add(turn=(a, 1e-4))),
+                ('camera_to_base', 'matrix', '(4, 4)', np.eye(4), ktgp.GroundMotion))
+        for name, kind, shape, numbers, use in uses:
+            for good in (numbers, np.ma.masked_array(numbers), np.ma.masked_array(numbers, numbers > 2),
+                         numbers.tolist()):
+                use(good)
+            for bad, words in ((np.ma.masked_equal(numbers, 1.0),
+                                'is a masked array with hidden values; expected all of its numbers'),
+                               (numbers[:2], f'is no {kind} of numbers; expected an array of the shape {shape}'),
+                               ('R.txt', f'is no {kind} of numbers; expected')):
+                with self.assertRaisesRegex(ValueError, '^' + re.escape(f'{name} {words}')):
+                    use(bad)
 
     def test_pixels_hidden_by_alpha_have_no_keypoints(self):
         shown = np.full(self.reference.shape, 255, np.uint8)
