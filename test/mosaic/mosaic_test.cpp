@@ -608,6 +608,26 @@ TEST(Mosaic, DoesNotGuessWhichPeriodItSeesAfterALongGap) {
   }
 }
 
+/// After a long gap, only the look of a frame tells which of the slabs it shows. It counts if the
+/// frame differs from its copy, a slab farther, by more than 3 %.
+TEST(Mosaic, TrustsTheLookOfAFrameThatDiffersFromItsOwnCopy) {
+  for (const auto& [dirt, difference] : {std::pair(0.33, 0.024), std::pair(0.45, 0.044)}) {
+    const cv::Mat slabs = tiles(50, dirt);
+    ASSERT_NEAR(1.0 - metrics::alikenessToItself(metrics::shrunk(grey(slabs))), difference, 0.003);
+    Flight flight({}, slabs);
+    flight.goRight(4);
+    flight.wait(30);
+    const Placement placement = flight.goLost(viewAt(400, 300));
+    if (difference < 0.03) {
+      EXPECT_EQ(placement, Placement::lost);
+      EXPECT_EQ(flight.mosaic.lostBecause(), LostBecause::repeats);
+    } else {
+      EXPECT_EQ(placement, Placement::drawn);
+      EXPECT_LT(flight.error(), 1.0);
+    }
+  }
+}
+
 TEST(Mosaic, FindsItsPlaceAgainFromAZoomedAndTiltedViewByGrowth) {
   for (const bool growth : {false, true}) {
     MosaicOptions options;
