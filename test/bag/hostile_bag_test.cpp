@@ -334,6 +334,28 @@ TEST(HostileBag, ImageClaimingFourGigabytesAllocatesNone) {
   EXPECT_EQ(reading.damage.rfind("1 of the images lost; ", 0), 0U) << reading.damage;
 }
 
+/// SECURITY.md: 1 GiB. The data are damaged, too, so nothing is written to that memory.
+TEST(HostileBag, ChunkThatClaimsMoreThanAGibibyteIsNotDecompressed) {
+  FileBytes bytes = soundBag(rosbag::compression::BZ2);
+  const auto find = [&](const std::string& text, auto from) {
+    return std::search(from, bytes.end(), text.begin(), text.end());
+  };
+  const auto compression = find("compression=bz2", bytes.begin());
+  ASSERT_NE(compression, bytes.end());
+  const std::string field = "size=";
+  const auto size = find(field, compression - 40);  // in the same header
+  ASSERT_LT(size - compression, 100);
+  *(compression + 200) ^= 0x10;
+  for (const std::uint32_t claimed : {1U << 30U, (1U << 30U) + 1U}) {
+    std::memcpy(&*size + field.size(), &claimed, sizeof claimed);
+    const Reading reading = read(bytes);
+    EXPECT_EQ(reading.images.size(), std::size_t{kFrames - 1});
+    const std::string refused = "bytes claim to be " + std::to_string(claimed);
+    EXPECT_EQ(reading.damage.find(refused) != std::string::npos, claimed > 1U << 30U)
+        << reading.damage;
+  }
+}
+
 TEST(HostileBag, TransformsThatClaimFourBillionTakeNoMemory) {
   tf2_msgs::TFMessage transforms;
   transforms.transforms.resize(3);
