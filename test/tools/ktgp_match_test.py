@@ -536,6 +536,17 @@ class KtgpMatch(PairCase):
         self.match("a.pgm", "b.pgm", "--params", "none.yaml", code=2, words="none.yaml")
         self.match("a.pgm", "b.pgm", "--preset", "best", code=2, words="ktgp, photo, robust, slam, teblid, video")
 
+    def test_a_parameter_file_has_at_most_16_maps_around_the_parameters_and_a_megabyte(self):
+        for maps, rest, expected in ((16, 0, ""), (17, 0, "nested too deeply"), (0, 1 << 20, ""),
+                                     (0, (1 << 20) + 1, "longer than 1 MB")):
+            text = maps * "{a: " + "{T_w: 0.61}" + maps * "}" + "\n"
+            self.write("p.yaml", text + "#" * (rest - len(text)))
+            with self.subTest(maps=maps, size=rest):
+                if expected:
+                    self.match("a.pgm", "b.pgm", "--params", "p.yaml", code=2, words=("p.yaml", expected))
+                else:
+                    self.assertEqual(self.options("--params", "p.yaml")["T_w"], 0.61)
+
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         for text in ("Examples:", "--T_w", "[0, 1]", "--preset NAME", "Preset photo, the default", "Exit code",
