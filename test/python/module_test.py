@@ -25,6 +25,7 @@ from tool_case import OVER_A_PLANE, corners_off, mapped, tilted_plane, two_depth
 
 TOOLS = os.environ['KTGP_ORB_TOOLS']
 BOAT = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'oxford/boat')
+CUBE = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'targets_real/cube')
 PHOTOGRAPHS = '/usr/share/doc/opencv-doc/examples/data/'
 TURN = np.array([[0.999, 0.03, 4.0], [-0.03, 0.999, 9.0], [1e-5, 0.0, 1.0]])
 
@@ -499,6 +500,41 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual(targets.find(scene), [])
         with self.assertRaisesRegex(ValueError, 'too little texture'):
             targets.add('grey', np.full((300, 400), 99, np.uint8))
+
+    @unittest.skipUnless(os.path.exists(CUBE + '.mp4'), 'KTGP_ORB_DATA is not set: this test needs its targets_real')
+    def test_no_wrong_pose_of_a_small_face_in_a_real_video_is_certain(self):
+        """A face of 60 to 80 px. Its two poses are 90 degrees or more apart; the labels, good to 1.5 px, tell which is
+        right."""
+        camera = np.array([[547.7, 0, 338.7], [0, 542.1, 234.5], [0, 0, 1]])  # of the video's author
+        width = 0.084  # m
+        with open(os.path.join(os.path.dirname(CUBE), 'labels.json')) as file:
+            labels = json.load(file)['cube.png cube.mp4']['frames']
+        face = cv2.imread(CUBE + '.png', cv2.IMREAD_GRAYSCALE)
+        half = 0.5 * width * np.array([1.0, face.shape[0] / face.shape[1], 0.0])
+        corners = half * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        targets = ktgp.Targets()
+        targets.add('face', face, width=width)
+        video, labelled, first, certain = cv2.VideoCapture(CUBE + '.mp4'), 0, 0, 0
+        for i in range(max(map(int, labels)) + 1):
+            found = targets.find(cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY), K=camera)
+            if str(i) not in labels:
+                continue
+            _, turns, shifts, off = cv2.solvePnPGeneric(corners, np.array(labels[str(i)])[:, None], camera, None,
+                                                        flags=cv2.SOLVEPNP_IPPE)
+            if off.min() > 1.5:
+                continue  # that of frame 52 is beside the face
+            labelled += 1
+            best = off.argmin()
+            for k, pose in enumerate(found[0].poses if found else []):
+                turned = np.linalg.norm(cv2.Rodrigues(pose.matrix[:3, :3].T @ cv2.Rodrigues(turns[best])[0])[0])
+                is_right = turned < math.radians(3.0) and \
+                    np.linalg.norm(pose.matrix[:3, 3] - shifts[best].ravel()) < 0.03
+                self.assertTrue(is_right or pose.share < 0.9, (i, k, pose.share, math.degrees(turned)))
+                first += is_right and k == 0
+                certain += is_right and pose.share >= 0.9
+        self.assertEqual(labelled, 20)
+        self.assertGreaterEqual(first, 19)
+        self.assertGreaterEqual(certain, 12)
 
     def test_a_target_has_its_pose_through_the_lens(self):
         camera = np.array([[520.0, 0, 320], [0, 520, 240], [0, 0, 1]])
