@@ -67,15 +67,20 @@ def information(k=K, distortion=(0.0,) * 5, model='plumb_bob', size=(640, 480), 
     return info
 
 
-def pose_errors(message, rotation=ROTATION, position=POSITION):
-    """Returns the error of a PoseWithCovariance in m, in degrees, and squared in units of its covariance."""
+def pose_of(message):
+    """Returns the rotation matrix and the position of a PoseWithCovariance."""
     p, q = message.pose.position, message.pose.orientation
     x, y, z, w = q.x, q.y, q.z, q.w
-    found = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]), np.array([p.x, p.y, p.z])
+
+
+def pose_errors(message, rotation=ROTATION, position=POSITION):
+    """Returns the error of a PoseWithCovariance in m, in degrees, and squared in units of its covariance."""
+    found, place = pose_of(message)
     # As the covariance has it: moved, and turned about the axes of the camera.
-    moved = np.array([p.x, p.y, p.z]) - position
+    moved = place - position
     turned = cv2.Rodrigues(found @ rotation.T)[0].ravel()
     error = np.concatenate([moved, turned])
     covariance = np.reshape(message.covariance, (6, 6))

@@ -1,6 +1,7 @@
 """A camera that moves past a scene with depth: its motion on ~two_view and the scene on ~points."""
 
 import csv
+import json
 import os
 import subprocess
 import tempfile
@@ -12,14 +13,13 @@ import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
 from ktgp_testing import (FAR, NEAR, OVER_A_PLANE, Log, MatcherCase, tilted_plane, two_depths, view, wait_until,
                           write_bag)
-from poster import K, information
+from poster import K, information, pose_of
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
 
 DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
 DISTANCE = 0.3
 FIRST = view(100, 100)
-MOVES = 'tx', 'ty', 'tz', 'rx', 'ry', 'rz'
 NO_MOTION = 'there is no motion of the camera: no camera_info'
 PLANE = tilted_plane(FIRST, K, 0.5)
 SECOND = two_depths(FIRST, K, DISTANCE, DIRECTION)
@@ -166,22 +166,17 @@ class TwoViewTest(MatcherCase):
             self.assertEqual(run.returncode, 2)
             self.assertIn(reason, run.stderr)
 
-    @staticmethod
-    def recorded_plane():
-        """What ktgp_bag says and writes about PLANE: its messages, ~two_view and the row of its table."""
+    def test_7_a_recording_of_a_plane_has_both_motions(self):
         with tempfile.TemporaryDirectory() as folder:
             bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
             write_bag(bag, (FIRST, PLANE), info=information(), rate=1.0)
             run = subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table,
                                   '--calibration', 'rectified'], check=True, stderr=subprocess.PIPE, text=True)
+            self.assertRegex(run.stderr, r'\n1 motion \(1 plane\), .*, 1 in doubt: two_motions_of_a_plane, ')
             with rosbag.Bag(out) as file:
                 found = [message for topic, message, _ in file.read_messages() if topic.endswith('two_view')][-1]
             with open(table) as file:
-                return run.stderr, found, list(csv.DictReader(file))[1]
-
-    def test_7_a_recording_of_a_plane_has_both_motions(self):
-        said, found, row = self.recorded_plane()
-        self.assertRegex(said, r'\n1 motion \(1 plane\), .*, 1 in doubt: two_motions_of_a_plane, ')
+                row = list(csv.DictReader(file))[1]
         self.assertEqual((row['geometry'], row['other_geometry']), ('plane', 'plane'))
         self.assertEqual(row['doubt'], 'two_motions_of_a_plane')
         # The rival has the rest.
@@ -199,33 +194,43 @@ class TwoViewTest(MatcherCase):
         self.assertEqual([float(row['other_q' + name]) for name in 'xyzw'], [q.x, q.y, q.z, q.w])
         covariance = np.reshape(found.other_pose[0].covariance, (6, 6))
         self.assertGreater(np.diag(covariance).min(), 0.0)
-        for i, first in enumerate(MOVES):
-            for k, second in list(enumerate(MOVES))[i:]:
+        for i, first in enumerate(('tx', 'ty', 'tz', 'rx', 'ry', 'rz')):
+            for k, second in list(enumerate(('tx', 'ty', 'tz', 'rx', 'ry', 'rz')))[i:]:
                 self.assertAlmostEqual(float(row['other_cov_%s_%s' % (first, second)]), covariance[i, k],
                                        delta=1e-5 * abs(covariance[i, k]))
 
-    def test_8_both_motions_of_a_plane_that_the_camera_sees_are_those_of_a_recording(self):
+    def test_8_the_second_motion_of_a_plane_is_that_of_ktgp_match(self):
+        """Not of ktgp_bag: its table is made of the messages."""
         self.client.update_configuration({'geometry': 'auto', 'mutual': True, 'gms': False, 'T_w': 1.0,
                                           'calibration': 'rectified'})
         self.info.publish(information())
         wait_until(lambda: self.two_view.wait_for(self.match()).has_pose, 'camera_info is in')
         self.homography.wait_for(self.camera.show(FIRST))
         found = self.two_view.wait_for(self.camera.show(PLANE))
-        row = self.recorded_plane()[2]
-        self.assertEqual(row['doubt'], 'two_motions_of_a_plane')
+        with tempfile.TemporaryDirectory() as folder:
+            files = [os.path.join(folder, name) for name in ('first.png', 'second.png', 'out.json')]
+            cv2.imwrite(files[0], FIRST)
+            cv2.imwrite(files[1], PLANE)
+            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_match', *files[:2], '--preset', 'slam', '--json', files[2],
+                            '--camera', '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])], check=True,
+                           stdout=subprocess.DEVNULL)
+            with open(files[2]) as file:
+                expected = json.load(file)['two_view']
+        self.assertEqual(expected['doubt'], 'two_motions_of_a_plane')
         self.assertEqual(found.doubt, TwoViewGeometry.DOUBT_TWO_MOTIONS_OF_A_PLANE)
-        self.assertEqual((found.geometry, found.other_geometry), 2 * (TwoViewGeometry.GEOMETRY_PLANE,))
-        # The second motion has the rest of the probability.
-        np.testing.assert_allclose(found.probability, float(row['probability']), rtol=1e-5)
-        other, = found.other_pose
-        for pose, prefix in ((found.pose, ''), (other, 'other_')):
-            p, q = pose.pose.position, pose.pose.orientation
-            np.testing.assert_allclose([p.x, p.y, p.z, q.x, q.y, q.z, q.w], [
-                float(row[prefix + name]) for name in ('tx', 'ty', 'tz', 'qx', 'qy', 'qz', 'qw')], rtol=1e-5, atol=1e-9)
-            covariance = np.reshape(pose.covariance, (6, 6))
-            names = ['%scov_%s_%s' % (prefix, MOVES[i], MOVES[k]) for i, k in zip(*np.triu_indices(6))]
-            np.testing.assert_allclose(covariance[np.triu_indices(6)], [float(row[name]) for name in names], rtol=1e-5)
-        self.assertFalse(np.allclose(found.pose.covariance, other.covariance), 'each has its own')
+        first, other = expected['pose'], expected['other_pose']
+        self.assertEqual(other['geometry'], 'plane')
+        self.assertEqual(found.other_geometry, TwoViewGeometry.GEOMETRY_PLANE)
+        self.assertAlmostEqual(found.probability, expected['probability'], 9)
+        self.assertAlmostEqual(1.0 - found.probability, other['probability'], 9)
+        self.assertEqual(len(found.other_pose), 1)
+        for pose, motion, covariance in ((found.pose, first, expected['pose_covariance']),
+                                         (found.other_pose[0], other, other['covariance'])):
+            rotation, position = pose_of(pose)
+            np.testing.assert_allclose(position, motion['translation'], atol=1e-9)
+            np.testing.assert_allclose(rotation, motion['rotation'], atol=1e-9)
+            np.testing.assert_allclose(pose.covariance, np.ravel(covariance), rtol=1e-6, atol=1e-15)
+        self.assertFalse(np.allclose(found.pose.covariance, found.other_pose[0].covariance), 'each has its own')
 
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))
