@@ -4,6 +4,7 @@ source of height and normal, or refused with the reason."""
 import itertools
 import subprocess
 import tempfile
+import time
 import unittest
 
 import numpy as np
@@ -12,6 +13,7 @@ import rosgraph
 import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
+from ktgp_orb.msg import Match
 from ktgp_orb.srv import SetPose
 from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, node, view, wait_until
 from nav_msgs.msg import Odometry
@@ -314,6 +316,27 @@ class MotionTest(unittest.TestCase):
             before = len(twists.messages())
             send(30)
             wait_until(lambda: len(twists.messages()) - before >= 50, lambda: 'nearly all come: ' + gimbal.output())
+
+    def test_8_ten_matches_wait_for_their_readings(self):
+        """SECURITY.md: with one more, the oldest is processed without them."""
+        with node('GroundMotion', 'by_nothing', 'match:=/by_nothing/match', 'camera_info:=/by_nothing/camera_info',
+                  '_max_age:=10.0') as alone:
+            twists = Recorder('/by_nothing/twist', TwistWithCovarianceStamped, self)
+            matches = rospy.Publisher('/by_nothing/match', Match, queue_size=20)
+            wait_until(lambda: twists.publishers() and matches.get_num_connections() > 0, alone.output)
+
+            def answered():
+                return sum('no camera_info' in status.message for status in self.diagnostics.of('by_nothing: motion'))
+            began = time.monotonic()
+            for i in range(11):
+                if i == 10:
+                    time.sleep(2.5)  # the diagnostics come every second
+                    self.assertEqual(answered(), 0)
+                match = Match()
+                match.header.stamp = rospy.Time(1000, 1000 * i)
+                matches.publish(match)
+            wait_until(answered, alone.output)
+            self.assertLess(time.monotonic() - began, 10.0, 'before max_age')
 
     def test_8_a_mount_that_was_sent_once_before_anybody_subscribed_is_known(self):
         """As by rosbag play, which does not latch the /tf_static of most bags."""
