@@ -695,6 +695,19 @@ TEST(TargetFinder, FrameNameBelongsToOneTarget) {
   finder.replace(door);
 }
 
+/// SECURITY.md: 256 bytes each.
+TEST(TargetFinder, IdAndFrameMayBeAsLongAsPromised) {
+  TargetFinder finder;
+  Target target = poster(0);
+  for (std::string* name : {&target.id, &target.frame}) {
+    *name = std::string(257, 'x');
+    expectRefused(finder, target, " has 257 bytes; expected at most 256");
+    name->pop_back();
+    EXPECT_EQ(reasonOf(finder, target), "");
+    finder.remove(target.id);
+  }
+}
+
 /// As tf2 needs them.
 TEST(TargetFinder, NamesOfFramesAreUsable) {
   TargetFinder finder;
