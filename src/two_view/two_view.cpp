@@ -33,6 +33,9 @@ using util::kPi;
 using util::requireInRange;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Lower limit of the distances from the epipolar line, px. Without it, exact points would make any
+/// model significant.
+constexpr double kLeastDistance = 0.5;
 
 /// Reorders `values`, which must not be empty.
 double medianOf(std::vector<double>& values) {
@@ -89,6 +92,11 @@ struct TwoViewEstimator::Impl {
   double cellOf(const PointPairs& pairs, const TwoViewInput& input) const;
   void judgeHomography(const PointPairs& pairs, const TwoViewInput& input);
   void judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input);
+  /// Evidence for parallax: the target points are displaced from the positions that the homography
+  /// predicts. If there is parallax, these displacements follow the epipolar lines more closely
+  /// than displacements with random directions would. Given the homography, two pairs determine the
+  /// epipole. Changes `chance`. `f`: fundamental matrix in px.
+  double logFalseParallax(const PointPairs& pairs, const Eigen::Matrix3d& f);
   Covariance6 turnCovariance() const;
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
@@ -289,11 +297,6 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoV
 }
 
 void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input) {
-  // Lower limits of the distances from the epipolar line, px. Without kLeastDistance, exact points
-  // would make any model significant. kLeastParallax is needed because lens and shutter distort
-  // images by about 0.2 px.
-  constexpr double kLeastDistance = 0.5;
-  constexpr double kLeastParallax = 0.2;
   const Eigen::Matrix3d f = normalised.inPixels(epipolar);
   const double limit = kSampsonShare * options.max_error;
   const double diagonal = diagonalOf(input);
@@ -311,10 +314,14 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
   if (!has_plane) return;
-  // Evidence for parallax: the target points are displaced from the positions that the homography
-  // predicts. If there is parallax, these displacements follow the epipolar lines more closely than
-  // displacements with random directions would. Given the homography, two pairs determine the
-  // epipole.
+  const double parallax = logFalseParallax(pairs, f);
+  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
+}
+
+double TwoViewEstimator::Impl::logFalseParallax(const PointPairs& pairs, const Eigen::Matrix3d& f) {
+  // Lens and shutter distort images by about 0.2 px, so smaller distances from the epipolar line
+  // are no evidence.
+  constexpr double kLeastParallax = 0.2;  // px
   const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(turn.rotation()) : plane.answer.homography;
@@ -336,9 +343,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
     const double distance = std::max(across, kLeastParallax);
     chance[i] = distance < error ? 2.0 / kPi * std::asin(distance / error) : 1.0;
   }
-  const double parallax =
-      std::min(support.logFalseAlarms(chance, 2, 1.0), support.logParallax(displaced));
-  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
+  return std::min(support.logFalseAlarms(chance, 2, 1.0), support.logParallax(displaced));
 }
 
 /// Returns the covariance of the homography's first eight entries under the assumption that the
