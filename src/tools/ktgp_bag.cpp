@@ -537,11 +537,10 @@ bool isIdle(const CLI::App& app, const ParameterRow& row, const Parameters& all)
   return row.name == "overlay_style" && app.count("--overlay") + app.count("--draw") == 0;
 }
 
-void addArguments(CLI::App& app, Arguments& arguments) {
+void addInputArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
       ->required();
-  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
   app.add_option(
       "--topic", arguments.selection.topic,
       "image topic in a bag, with or without /compressed; not needed if there is only one");
@@ -550,9 +549,6 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
-  app.add_option("--name", arguments.name,
-                 "namespace of the output topics; without it: matcher beside the image topic")
-      ->check(nameOfTopics());
   app.add_option(
          "--rate", arguments.rate,
          "images per second: of a pattern of images (30 without it), of a video in place of "
@@ -567,6 +563,14 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                          "for the motion of the "
                          "camera (--geometry auto, --preset slam), poses of targets, and panoramas "
                          "(--mosaic)");
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  addInputArguments(app, arguments);
+  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
+  app.add_option("--name", arguments.name,
+                 "namespace of the output topics; without it: matcher beside the image topic")
+      ->check(nameOfTopics());
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
