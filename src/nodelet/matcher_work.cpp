@@ -82,15 +82,7 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("homographies", homography == Status::ok ? 1 : 0);
   diagnosis_.count("inliers", match.match.inliers);
   diagnosis_.count(kStillThings, has_reference && match.match.hasStillThings() ? 1 : 0);
-  // Every sequence begins with a frame without a reference, so one such frame is no problem.
-  diagnosis_.setProblem(
-      "reference",
-      without_reference_ > 1
-          ? util::format("%llu frames in a row without a reference: %s (%s)",
-                         static_cast<unsigned long long>(without_reference_),
-                         toString(match.no_reference), explanation(match.no_reference))
-          : "",
-      false);
+  diagnosis_.setProblem("reference", referenceProblem(match), false);
   diagnosis_.setProblem("lens", lensProblem(match));
   // A frame without a reference has no geometry, and when the first one comes, camera_info may be
   // on its way. If a camera_info cannot be used, its arrival has logged the reason.
@@ -110,6 +102,15 @@ void MatcherWork::report(const SequenceMatch& match) {
     diagnosis_.setValue("last doubt", toString(view.doubt));
   }
   if (has_reference && status != Status::ok) facts_.last_failure = status;
+}
+
+/// Returns how many frames in a row had no reference, and why. Every sequence begins with a frame
+/// without a reference, so one such frame is no problem.
+std::string MatcherWork::referenceProblem(const SequenceMatch& match) const {
+  if (without_reference_ <= 1) return "";
+  return util::format("%llu frames in a row without a reference: %s (%s)",
+                      static_cast<unsigned long long>(without_reference_),
+                      toString(match.no_reference), explanation(match.no_reference));
 }
 
 /// Returns the reason why points are in raw pixels although rectified points are wanted; empty if

@@ -53,6 +53,7 @@ class MatcherWork {
   void report(const SequenceMatch& match);
   /// Not inlined, because robot_heap_test counts the allocations of ROS within this function.
   [[gnu::noinline]] void publish(const MatchedFrame& frame);
+  std::string referenceProblem(const SequenceMatch& match) const;
   std::string lensProblem(const SequenceMatch& match) const;
   std::string cameraProblem(const SequenceMatch& match) const;
   void publishOverlay(const sensor_msgs::ImageConstPtr& image);
