@@ -1,8 +1,8 @@
 # The tests are compiled with little optimisation, so most of their time goes into reading the headers of OpenCV, Eigen
 # and ROS. These are precompiled, once for tests without ROS and once for those with it: ten test files took 115 s in
 # place of 131 s. For the libraries and programs this does not pay: their files then also instantiate the inline
-# functions of headers that they do not use, and two of three files compile longer. Without precompiled headers the demo
-# takes about 750 s of a processor to build, with them 916 s (g++ 12, two threads of a core).
+# functions of headers that they do not use. Without precompiled headers the demo takes about 750 s of a processor to
+# build, with them 916 s (g++ 12, two threads of a core).
 #catkin_lint: ignore cmake_old
 set(ktgp_orb_core_headers
   <algorithm> <array> <chrono> <cmath> <cstdint> <cstring> <functional> <limits> <map> <memory> <mutex>
