@@ -413,8 +413,8 @@ void defineGroundMotion(py::module& module) {
            py::arg("readout_time") = usual.readout_time,
            py::arg("scale_deviation") = usual.scale_deviation,
            "camera_to_base: (4, 4), from the camera's frame (x right, y down, z forward);\n"
-           "readout_time: s from the first row of an image to the last; 0: a global shutter; -1 "
-           "0: not known,\nit is estimated; doc/motion.md describes the others. Raises ValueError.")
+           "readout_time: s from the first row of an image to the last; 0: a global shutter; -1: "
+           "not known,\nit is estimated; doc/motion.md describes the others. Raises ValueError.")
       .def(
           "add", addToMotion, py::arg("frame"), py::arg("camera"), py::arg("height") = py::none(),
           py::arg("down") = py::none(), py::arg("turn") = py::none(), py::arg("of_imu") = false,

@@ -3,7 +3,7 @@
 from typing import Any, Dict, List, Optional, Tuple, Union
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Image = Union[NDArray[np.uint8], NDArray[np.uint16]]
 
@@ -235,11 +235,11 @@ class GroundEstimate:
     def imu(self) -> Optional[ImuMounting]: ...
 
 class GroundMotion:
-    def __init__(self, camera_to_base: NDArray[np.float64] = ..., ground_slope: float = 0.002,
+    def __init__(self, camera_to_base: ArrayLike = ..., ground_slope: float = 0.002,
                  readout_time: float = -1.0, scale_deviation: float = 0.0) -> None: ...
-    def add(self, frame: FrameMatch, camera: NDArray[np.float64], height: Optional[Tuple[float, float]] = None,
-            down: Optional[Tuple[NDArray[np.float64], float]] = None,
-            turn: Optional[Tuple[NDArray[np.float64], float]] = None, of_imu: bool = False) -> GroundEstimate: ...
+    def add(self, frame: FrameMatch, camera: ArrayLike, height: Optional[Tuple[float, float]] = None,
+            down: Optional[Tuple[ArrayLike, float]] = None, turn: Optional[Tuple[ArrayLike, float]] = None,
+            of_imu: bool = False) -> GroundEstimate: ...
 
 def match(reference: Image, target: Image, preset: str = "photo", K: Optional[NDArray[Any]] = None,
           target_K: Optional[NDArray[Any]] = None, **parameters: Any) -> Match: ...
