@@ -14,7 +14,9 @@ namespace ktgp_orb {
 /// The nodelets run their callbacks here and not in the manager's threads, because a manager thread
 /// holds a reference to the nodelet during a callback. If the nodelet were unloaded during the
 /// callback, the manager thread would release the last reference and destroy the nodelet after the
-/// manager has deleted the nodelet's callback queues.
+/// manager has deleted the nodelet's callback queues. Also, roscpp blocks all signals in this
+/// thread (ros::AsyncSpinner), so a file beyond the limit of ulimit -f is an error and not the
+/// signal SIGXFSZ, which would end the process.
 class CallbackThread {
  public:
   /// Returns the queue for ros::NodeHandle::setCallbackQueue(). start() starts the thread only if

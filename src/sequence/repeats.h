@@ -12,10 +12,11 @@ namespace ktgp_orb::sequence {
 /// An image with exactly the same pixels is a repetition. If the copy was compressed once more, its
 /// pixels differ a little: the differences from the last new image then alternate between large
 /// values, due to the motion, and much smaller values. If the image stays the same for longer than
-/// the camera usually needs for a new image, the camera stands still. From then on, equal images
-/// count as new images, so that the results show the standstill. A camera with less than four
-/// images a second needs longer than that for a new image. So equal images that alternate with new
-/// ones are repetitions at any rate, unless there are more of them in a row than before.
+/// the camera usually needs for a new image (1.5 times the longest interval, at most 0.375 s; 0.1 s
+/// while no interval is known), the camera stands still. From then on, equal images count as new
+/// images, so that the results show the standstill. A slower camera repeats images for longer than
+/// that. So equal images that alternate with new ones are repetitions at any rate, unless there are
+/// more of them in a row than before.
 class Repeats {
  public:
   /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.

@@ -95,7 +95,8 @@ struct TwoViewEstimator::Impl {
   /// Evidence for parallax: the target points are displaced from the positions that the homography
   /// predicts. If there is parallax, these displacements follow the epipolar lines more closely
   /// than displacements with random directions would. Given the homography, two pairs determine the
-  /// epipole. Changes `chance`. `f`: fundamental matrix in px.
+  /// epipole. `f`: fundamental matrix in px. `chance`: above 1 for pairs that do not agree with it,
+  /// as judgeEpipolar() sets it; overwritten.
   double logFalseParallax(const PointPairs& pairs, const Eigen::Matrix3d& f);
   Covariance6 turnCovariance() const;
   static void refuse(Doubt doubt, TwoView& result);
