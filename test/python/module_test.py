@@ -503,8 +503,8 @@ class ModuleTest(unittest.TestCase):
 
     @unittest.skipUnless(os.path.exists(CUBE + '.mp4'), 'KTGP_ORB_DATA is not set: this test needs its targets_real')
     def test_no_wrong_pose_of_a_small_face_in_a_real_video_is_certain(self):
-        """A face with sides of 35 to 85 px. Its two poses are 90 degrees or more apart; the labels, good to 1.5 px, tell which is
-        right."""
+        """A face with sides of 35 to 85 px. Its two poses are 90 degrees or more apart; the labels, good to 1.5 px,
+        tell which is right."""
         camera = np.array([[547.7, 0, 338.7], [0, 542.1, 234.5], [0, 0, 1]])  # of the video's author
         width = 0.084  # m
         with open(os.path.join(os.path.dirname(CUBE), 'labels.json')) as file:
@@ -522,7 +522,7 @@ class ModuleTest(unittest.TestCase):
             _, turns, shifts, off = cv2.solvePnPGeneric(corners, np.array(labels[str(i)])[:, None], camera, None,
                                                         flags=cv2.SOLVEPNP_IPPE)
             if off.min() > 1.5:
-                continue  # that of frame 52 is beside the face
+                continue  # the label of frame 52 is beside the face
             labelled += 1
             best = off.argmin()
             for k, pose in enumerate(found[0].poses if found else []):

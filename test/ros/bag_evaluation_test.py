@@ -237,6 +237,7 @@ class RealMotionTest(FolderCase):
                    most_error=52.0)
 
     def test_velocity_from_keyframes_with_the_angular_velocity_of_the_capture(self):
-        """It is off by 2 degrees/s for tenths of a second. If it counted the other way, we would be off by 180 mm/s."""
+        """This angular velocity is off by 2 degrees/s for tenths of a second. With the wrong sign the velocity would be
+        off by 180 mm/s."""
         self.check('--reference_mode', 'keyframe', '--guided', 'true', '--motion_gyro', 'true', least_within=87.0,
                    most_error=90.0, words=', and its angular velocity')

@@ -20,8 +20,8 @@ SERVICES = {'add': SetTarget, 'replace': SetTarget, 'remove': RemoveTarget, 'det
 
 
 def limit_files():
-    """As on a full disk, a write beyond this fails: callbacks run in threads of ros::AsyncSpinner, where all signals
-    are blocked, also SIGXFSZ, which would end the node."""
+    """As on a full disk, a write beyond this limit fails. The signal SIGXFSZ, which would end the node, has no effect:
+    callbacks run in threads of ros::AsyncSpinner, where all signals are blocked."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
 
 
