@@ -18,8 +18,10 @@ namespace {
 using util::inverseOf;
 using util::propagated;
 
-constexpr double kBlock = 0.5;     // s
-constexpr double kMemory = 300.0;  // s
+constexpr double kBlock = 0.5;  // s
+// Memories of the fit that is reported and of the recent one, s.
+constexpr double kMemory = 300.0;
+constexpr double kRecent = 20.0;
 // Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
 // and the relative scale error.
 constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
@@ -40,6 +42,9 @@ constexpr double kShared = 1.5;
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
+// The 99.9 % quantile of the chi-squared distribution with kSize degrees of freedom. While nothing
+// changed on the flights of the tests, the recent fit stayed below 8.
+constexpr double kContradiction = 31.3;
 
 }  // namespace
 
@@ -61,12 +66,7 @@ Mounting::Said Mounting::Said::mean(int count) const {
 
 void Mounting::begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns) {
   is_running_ = true;
-  if (gives_turns != gives_turns_) {  // the two kinds of readings have different biases
-    information_.setZero();
-    weighted_.setZero();
-    square_ = rows_ = 0.0;
-    solve();
-  }
+  if (gives_turns != gives_turns_) fit_ = recent_ = {};  // the two kinds have different biases
   gives_turns_ = gives_turns;
   last_ = seen;
   reference_stamp_ = reference_stamp;
@@ -138,7 +138,10 @@ void Mounting::endBlock() {
     Said difference = mean;
     difference.value -= before_->value;
     difference.slope -= before_->slope;
-    learn(difference);
+    const int rows = gives_turns_ ? 3 : 2;  // a direction has two degrees of freedom
+    fit_.learn(difference, rows, std::exp(-seconds_ / kMemory));
+    recent_.learn(difference, rows, std::exp(-seconds_ / kRecent));
+    if (recent_.contradicts(fit_)) fit_ = recent_;
   }
   before_ = mean;
   block_ = {};
@@ -148,7 +151,7 @@ void Mounting::endBlock() {
 
 /// Sets derivatives in `slope` to zero if they are so small that they may be mere noise with this
 /// variance, or second-order effects. Over time they would add up to false information.
-void Mounting::dropNoise(double variance, Slope& slope) {
+void Mounting::Fit::dropNoise(double variance, Slope& slope) {
   const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
   for (int i = 0; i < 3; ++i) {
@@ -162,47 +165,52 @@ void Mounting::dropNoise(double variance, Slope& slope) {
   if (turned < variance + kLeastTurn * kLeastTurn) slope.col(kScale).setZero();
 }
 
-void Mounting::learn(Said difference) {
+void Mounting::Fit::learn(Said difference, int rows, double kept) {
   Eigen::Matrix3d given = difference.covariance;
   given.diagonal().array() += kLeastNoise * kLeastNoise;
-  dropNoise(4.0 * noise_ * given.trace(), difference.slope);
-  const int rows = gives_turns_ ? 3 : 2;  // a direction has two degrees of freedom
-  const Eigen::Matrix3d expected = noise_ * given + propagated(difference.slope, covariance_);
-  const Eigen::Vector3d residual = difference.value - difference.slope * unknowns_;
+  dropNoise(4.0 * noise * given.trace(), difference.slope);
+  const Eigen::Matrix3d expected = noise * given + propagated(difference.slope, covariance);
+  const Eigen::Vector3d residual = difference.value - difference.slope * unknowns;
   const double misfit = std::sqrt(propagated(residual.transpose(), inverseOf(expected))(0, 0));
-  const double kept = std::exp(-seconds_ / kMemory);
-  information_ *= kept;
-  weighted_ *= kept;
-  square_ *= kept;
-  rows_ *= kept;
+  information *= kept;
+  weighted *= kept;
+  square *= kept;
+  this->rows *= kept;
   if (!std::isfinite(misfit)) return;
   const Eigen::Matrix3d weight = inverseOf(studentNoise(misfit, rows) * given);
-  information_ += propagated(difference.slope.transpose(), weight);
-  weighted_ += difference.slope.transpose() * (weight * difference.value);
-  square_ += difference.value.dot(weight * difference.value);
-  rows_ += rows;
+  information += propagated(difference.slope.transpose(), weight);
+  weighted += difference.slope.transpose() * (weight * difference.value);
+  square += difference.value.dot(weight * difference.value);
+  this->rows += rows;
   solve();
+}
+
+/// True if the Imu has changed, for example if its bias has jumped. Without this, Student's weights
+/// would leave the new readings out for minutes.
+bool Mounting::Fit::contradicts(const Fit& longer) const {
+  const Unknowns change = unknowns - longer.unknowns;
+  return propagated(change.transpose(), inverseOf(kShared * covariance))(0, 0) > kContradiction;
 }
 
 /// Estimates the unknowns and the noise alternately, because they depend on each other. The
 /// dependence is weak, so three rounds are enough.
-void Mounting::solve() {
+void Mounting::Fit::solve() {
   constexpr double kRows = 10.0;  // the given noise counts as much as this many measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
       Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
   for (int iteration = 0; iteration < 3; ++iteration) {
-    Information information = information_ / noise_;
-    const Information seen = information;
-    information.diagonal().array() += prior.array().square().inverse();
-    covariance_ = inverseOf(information);
-    unknowns_ = covariance_ * weighted_ / noise_;
+    const Information seen = information / noise;
+    Information all = seen;
+    all.diagonal().array() += prior.array().square().inverse();
+    covariance = inverseOf(all);
+    unknowns = covariance * weighted / noise;
     // Number of unknowns that the measurements (and not the prior) determine. The residuals lose
     // this many degrees of freedom.
-    const double used = (covariance_ * seen).trace();
+    const double used = (covariance * seen).trace();
     const double rest =
-        square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
-    noise_ = (std::max(rest, 0.0) + kRows) / (std::max(rows_ - used, 0.0) + kRows);
+        square - 2.0 * unknowns.dot(weighted) + unknowns.dot(information * unknowns);
+    noise = (std::max(rest, 0.0) + kRows) / (std::max(rows - used, 0.0) + kRows);
   }
 }
 
@@ -225,12 +233,12 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     return deviation < largest ? deviation : infinite;
   };
   ImuMounting imu;
-  imu.rotation = to_base * unknowns_.segment<3>(kMounting);
-  imu.delay = unknowns_(kDelay);
-  imu.bias = to_base * unknowns_.segment<3>(kBias);
+  imu.rotation = to_base * fit_.unknowns.segment<3>(kMounting);
+  imu.delay = fit_.unknowns(kDelay);
+  imu.bias = to_base * fit_.unknowns.segment<3>(kBias);
   const Eigen::Matrix3d of_rotation =
-      propagated(to_base, covariance_.block<3, 3>(kMounting, kMounting));
-  const Eigen::Matrix3d of_bias = propagated(to_base, covariance_.block<3, 3>(kBias, kBias));
+      propagated(to_base, fit_.covariance.block<3, 3>(kMounting, kMounting));
+  const Eigen::Matrix3d of_bias = propagated(to_base, fit_.covariance.block<3, 3>(kBias, kBias));
   const bool is_near = imu.rotation.norm() < kLargest;
   bool is_known = false;
   const auto report = [&](double& value, double& deviation, double variance, double largest) {
@@ -238,12 +246,12 @@ std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) co
     if (!std::isfinite(deviation)) value = 0.0;
     is_known = is_known || std::isfinite(deviation);
   };
-  report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
+  report(imu.delay, imu.delay_deviation, fit_.covariance(kDelay, kDelay), kKnown[1]);
   // Converts the scale error and the bias.
-  // In `unknowns_`: true velocity = (1 - scale error) * reading - bias.
+  // In `fit_.unknowns`: true velocity = (1 - scale error) * reading - bias.
   // In the result: reading = (1 + scale error) * true velocity + bias.
-  imu.scale_error = unknowns_(kScale);
-  report(imu.scale_error, imu.scale_error_deviation, covariance_(kScale, kScale),
+  imu.scale_error = fit_.unknowns(kScale);
+  report(imu.scale_error, imu.scale_error_deviation, fit_.covariance(kScale, kScale),
          gives_turns_ ? kKnown[3] : 0.0);
   const double scale = 1.0 / (1.0 - imu.scale_error);
   imu.scale_error *= scale;

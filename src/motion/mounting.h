@@ -23,7 +23,8 @@ namespace ktgp_orb::motion {
 /// unknowns, which makes eleven in total. The readings are averaged over blocks of half a second;
 /// in the difference between the means of successive blocks, the constant part of each vector
 /// cancels. Weighted least squares with a memory of five minutes estimates the unknowns from these
-/// differences, and the residuals give the noise.
+/// differences, and the residuals give the noise. A second fit with a memory of 20 s replaces the
+/// first if they contradict each other, because the Imu has then changed.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
@@ -59,11 +60,25 @@ class Mounting {
     Said mean(int count) const;
   };
 
+  /// Weighted least squares for the unknowns, with a memory.
+  struct Fit {
+    Information information = Information::Zero();
+    Unknowns weighted = Unknowns::Zero();
+    double square = 0.0;  // weighted sum of squares of the measured differences
+    double rows = 0.0;    // number of measurements in `square`
+    double noise = 1.0;   // variance of the residuals, as a multiple of the given variance
+    Unknowns unknowns = Unknowns::Zero();
+    Information covariance = Information::Identity();
+
+    static void dropNoise(double variance, Slope& slope);
+    /// `rows`: degrees of freedom of the difference. `kept`: factor of the earlier measurements.
+    void learn(Said difference, int rows, double kept);
+    void solve();
+    bool contradicts(const Fit& longer) const;
+  };
+
   void begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns);
   void endBlock();
-  static void dropNoise(double variance, Slope& slope);
-  void learn(Said difference);
-  void solve();
 
   bool was_added_ = false;    // true if add() was called for this frame
   bool is_running_ = false;   // true if add() was called for the last frame
@@ -78,13 +93,8 @@ class Mounting {
   double seconds_ = 0.0;        // duration of the present block, s
   std::optional<Said> before_;  // mean of the readings of the previous block
 
-  Information information_ = Information::Zero();
-  Unknowns weighted_ = Unknowns::Zero();
-  double square_ = 0.0;  // weighted sum of squares of the measured differences
-  double rows_ = 0.0;    // number of measurements in `square_`
-  double noise_ = 1.0;   // variance of the residuals, as a multiple of the given variance
-  Unknowns unknowns_ = Unknowns::Zero();
-  Information covariance_ = Information::Identity();
+  Fit fit_;     // reported
+  Fit recent_;  // with the shorter memory
 };
 
 }  // namespace ktgp_orb::motion

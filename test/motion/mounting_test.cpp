@@ -275,6 +275,27 @@ TEST(Mounting, FollowsAnImuThatIsMountedAnew) {
   }
 }
 
+// The mean of five minutes would hide the jump for minutes, with a deviation that excludes it.
+TEST(Mounting, FollowsABiasThatJumps) {
+  for (const double before : {20.0, 60.0, 300.0}) {
+    for (const double jump : {0.5, 1.5, 5.0}) {
+      Flight flight(Gives::turns);
+      const auto steady = flight.after(before);
+      ASSERT_TRUE(steady);
+      if (before == 300.0) {
+        EXPECT_LT(steady->bias_deviation.norm(), 0.1 * kDegree);
+      }
+      flight.rig.bias = degrees(0.0, 0.0, jump);
+      const auto imu = flight.after(30.0);
+      ASSERT_TRUE(imu);
+      const std::string text = describe(*imu);
+      const double error = std::abs(imu->bias.z() - flight.rig.bias.z());
+      EXPECT_LT(error, 4.0 * imu->bias_deviation.z()) << before << " s, " << jump << ": " << text;
+      EXPECT_LT(error, 0.3 * jump * kDegree + 0.2 * kDegree) << before << " s, " << text;
+    }
+  }
+}
+
 // The age of a reading is no delay, and what is learned before a gap stays.
 TEST(Mounting, LearnsFromOldReadingsAndAcrossGaps) {
   for (const Gives gives : {Gives::turns, Gives::directions}) {
