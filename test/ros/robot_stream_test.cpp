@@ -356,8 +356,11 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
   for (int i = 0; i < 5; ++i) {
     const ros::Time stamp = send(view()).header.stamp;
     ASSERT_TRUE(one.waitFor(stamp) && three.waitFor(stamp));
-    const Match& a = *one.withStamp(stamp);
-    const Match& b = *three.withStamp(stamp);
+    Match a = *one.withStamp(stamp);
+    Match b = *three.withStamp(stamp);
+    // The number of a track depends on the frame in which the matcher began.
+    a.correspondences.track.clear();
+    b.correspondences.track.clear();
     ASSERT_EQ(a.statistics.status, MatchStatus::STATUS_OK);
     ASSERT_EQ(a.homography.reference_stamp, b.homography.reference_stamp);
     EXPECT_GT(a.correspondences.level.size(), 100U);
