@@ -13,9 +13,8 @@ function(ktgp_orb_test_program program seconds)
     set_target_properties(${program} PROPERTIES EXCLUDE_FROM_ALL TRUE)
     add_dependencies(tests ${program})
   endif()
-  target_include_directories(${program} PRIVATE
-    ${CMAKE_CURRENT_SOURCE_DIR}/support ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/research)
-  target_link_libraries(${program} ktgp_orb_internals ktgp_orb_views hwy::hwy ktgp_orb_warnings
+  target_include_directories(${program} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/research)
+  target_link_libraries(${program} ktgp_orb_test_support ktgp_orb_internals ktgp_orb_views hwy::hwy ktgp_orb_warnings
     opencv_imgcodecs ${KTGP_ORB_GTEST} Threads::Threads ${test_LINK})
   if(test_ROS)
     ktgp_orb_reuse_precompiled(ktgp_orb_ros_test_headers ${program})
