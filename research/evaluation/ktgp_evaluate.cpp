@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdio>
 #include <future>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <set>
 #include <sstream>

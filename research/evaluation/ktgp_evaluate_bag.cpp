@@ -1,6 +1,7 @@
 // ktgp_evaluate_bag: evaluates the four stages on consecutive frames of a recording.
 #include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <stdexcept>
 

@@ -2,6 +2,7 @@
 // videos. scripts/evaluate --targets runs this program.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <string>
 

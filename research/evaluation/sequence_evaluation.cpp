@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "ktgp_orb/metrics.h"
 #include "util/milliseconds.h"
