@@ -191,8 +191,8 @@ struct GroundEstimate {
   double readout_time = 0.0;
   double readout_deviation = 0.0;
   /// Errors of the Imu that gives TurnReadings or DownReadings. They are only reported; no reading
-  /// is corrected. It takes minutes to estimate them; empty until the motion determines at least
-  /// one of the errors.
+  /// is corrected. It takes minutes to estimate them, and begins anew if the last 20 s contradict
+  /// the estimate; empty until the motion determines at least one of the errors.
   std::optional<ImuMounting> imu;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }

@@ -22,9 +22,9 @@ constexpr double kBlock = 0.5;  // s
 // Memories of the fit that is reported and of the recent one, s.
 constexpr double kMemory = 300.0;
 constexpr double kRecent = 20.0;
-// Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
-// and the relative scale error.
-constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
+// Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the relative
+// scale error and the tilt (rad).
+constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.1, 0.05};
 // An unknown is reported only if its standard deviation is smaller than this: mounting (rad), delay
 // (s), bias (rad/s), scale error.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
@@ -42,9 +42,11 @@ constexpr double kShared = 1.5;
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s
-// The 99.9 % quantile of the chi-squared distribution with kSize degrees of freedom. While nothing
-// changed on the flights of the tests, the recent fit stayed below 8.
-constexpr double kContradiction = 31.3;
+// Largest squared difference between the two fits, in deviations of the recent one: the 99.9 %
+// quantile of the chi-squared distribution with kSize degrees of freedom. The fits share
+// measurements, so their difference is smaller than that: on flights with a constant Imu it stayed
+// below 8, and below 23 if the motion did not show all unknowns.
+constexpr double kLargestChange = 31.3;
 
 }  // namespace
 
@@ -138,10 +140,10 @@ void Mounting::endBlock() {
     Said difference = mean;
     difference.value -= before_->value;
     difference.slope -= before_->slope;
-    const int rows = gives_turns_ ? 3 : 2;  // a direction has two degrees of freedom
-    fit_.learn(difference, rows, std::exp(-seconds_ / kMemory));
-    recent_.learn(difference, rows, std::exp(-seconds_ / kRecent));
-    if (recent_.contradicts(fit_)) fit_ = recent_;
+    const int freedom = gives_turns_ ? 3 : 2;  // of a rotation, of a direction
+    fit_.learn(difference, freedom, std::exp(-seconds_ / kMemory));
+    recent_.learn(difference, freedom, std::exp(-seconds_ / kRecent));
+    if (contradict()) fit_ = recent_ = {};
   }
   before_ = mean;
   block_ = {};
@@ -165,7 +167,7 @@ void Mounting::Fit::dropNoise(double variance, Slope& slope) {
   if (turned < variance + kLeastTurn * kLeastTurn) slope.col(kScale).setZero();
 }
 
-void Mounting::Fit::learn(Said difference, int rows, double kept) {
+void Mounting::Fit::learn(Said difference, int freedom, double kept) {
   Eigen::Matrix3d given = difference.covariance;
   given.diagonal().array() += kLeastNoise * kLeastNoise;
   dropNoise(4.0 * noise * given.trace(), difference.slope);
@@ -175,21 +177,23 @@ void Mounting::Fit::learn(Said difference, int rows, double kept) {
   information *= kept;
   weighted *= kept;
   square *= kept;
-  this->rows *= kept;
+  rows *= kept;
   if (!std::isfinite(misfit)) return;
-  const Eigen::Matrix3d weight = inverseOf(studentNoise(misfit, rows) * given);
+  const Eigen::Matrix3d weight = inverseOf(studentNoise(misfit, freedom) * given);
   information += propagated(difference.slope.transpose(), weight);
   weighted += difference.slope.transpose() * (weight * difference.value);
   square += difference.value.dot(weight * difference.value);
-  this->rows += rows;
+  rows += freedom;
   solve();
 }
 
-/// True if the Imu has changed, for example if its bias has jumped. Without this, Student's weights
-/// would leave the new readings out for minutes.
-bool Mounting::Fit::contradicts(const Fit& longer) const {
-  const Unknowns change = unknowns - longer.unknowns;
-  return propagated(change.transpose(), inverseOf(kShared * covariance))(0, 0) > kContradiction;
+/// True if the Imu, or the slope of the ground, has probably changed: for example, the bias has
+/// jumped. Student's weights alone would leave the new readings out for minutes. All unknowns are
+/// compared, since in 20 s a bias looks like a wrong normal of the ground.
+bool Mounting::contradict() const {
+  const Unknowns change = recent_.unknowns - fit_.unknowns;
+  const auto inverse = inverseOf(kShared * recent_.covariance);
+  return propagated(change.transpose(), inverse)(0, 0) > kLargestChange;
 }
 
 /// Estimates the unknowns and the noise alternately, because they depend on each other. The
@@ -198,7 +202,7 @@ void Mounting::Fit::solve() {
   constexpr double kRows = 10.0;  // the given noise counts as much as this many measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
-      Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
+      kPrior[3], Eigen::Vector3d::Constant(kPrior[4]);
   for (int iteration = 0; iteration < 3; ++iteration) {
     const Information seen = information / noise;
     Information all = seen;
