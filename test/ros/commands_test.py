@@ -133,13 +133,14 @@ RUN = {
 # Why the others are not run here. As in a shell, a{,b,c} is three of them.
 NOT_RUN = {
     'a part of continuous integration, for minutes': [
-        'dev/check', '{sudo ,}dev/check_platform bookworm', 'dev/check_workspace', 'dev/sanitize{, thread, address}',
+        'dev/check', '{sudo ,}dev/check_platform bookworm',
         'scripts/test -L long -R long_soak', 'rostest test/ros/stream.test name:=lazy program:=lazy_test'],
     'takes minutes to hours': [
         'KTGP_ORB_DAMAGES=200000 test/ros_tests --file=hostile_bag_test', 'scripts/test -L long -R mosaic',
         'dev/check_arm64{, --fast, --rest, knn_matcher_test}',
         'benchmark/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
-        'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly{, fuzz latency, --list}', 'dev/sanitize thread full',
+        'dev/check_workspace', 'dev/sanitize{, thread, address, thread full}', 'sudo dev/package {bookworm,trixie}',
+        'dev/fuzz{, gms 600}', 'dev/nightly{, fuzz latency, --list}',
         'dev/mutate{, --refresh, --refresh 15 1, matching/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
         'scripts/test -L long{, -R {motion,faults,verdict,long_flood,long_pages,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
@@ -149,7 +150,7 @@ NOT_RUN = {
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
         'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset, --avx2}',
         'build/bench/bin/targets_accuracy {recall 300 30 10 100 1000,following 1000 600 5000 0}'],
-    'dev/check_workspace runs it, with options, in a workspace of its own, in CI': [
+    'dev/check_workspace runs it, with options, in a workspace of its own': [
         'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
     'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
     'dev/check runs it, where Doxygen is': ['cmake --build BUILD --target doc'],

@@ -1,7 +1,8 @@
 # The nodelet on a robot. The C++ tests load it into their own process.
 add_library(robot_main STATIC EXCLUDE_FROM_ALL robot_main.cpp)
 target_include_directories(robot_main PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
-target_link_libraries(robot_main PUBLIC ktgp_orb_test_support ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST} Threads::Threads)
+target_link_libraries(robot_main PUBLIC
+  ktgp_orb_test_support ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST} Threads::Threads)
 ktgp_orb_reuse_precompiled(ktgp_orb_ros_test_headers robot_main)
 foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
     robot_views_teardown)
