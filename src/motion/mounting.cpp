@@ -22,9 +22,9 @@ constexpr double kBlock = 0.5;  // s
 // Memories of the fit that is reported and of the recent one, s.
 constexpr double kMemory = 300.0;
 constexpr double kRecent = 20.0;
-// Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the relative
-// scale error and the tilt (rad).
-constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.1, 0.05};
+// Prior standard deviations of the mounting (rad), the delay (s), the bias (rad/s), the tilt (rad)
+// and the relative scale error.
+constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05, 0.1};
 // An unknown is reported only if its standard deviation is smaller than this: mounting (rad), delay
 // (s), bias (rad/s), scale error.
 constexpr double kKnown[] = {0.0125, 0.02, 0.02, 0.01};
@@ -202,7 +202,7 @@ void Mounting::Fit::solve() {
   constexpr double kRows = 10.0;  // the given noise counts as much as this many measurements
   Unknowns prior;
   prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
-      kPrior[3], Eigen::Vector3d::Constant(kPrior[4]);
+      Eigen::Vector3d::Constant(kPrior[3]), kPrior[4];
   for (int iteration = 0; iteration < 3; ++iteration) {
     const Information seen = information / noise;
     Information all = seen;

@@ -24,7 +24,7 @@ namespace ktgp_orb::motion {
 /// in the difference between the means of successive blocks, the constant part of each vector
 /// cancels. Weighted least squares with a memory of five minutes estimates the unknowns from these
 /// differences, and the residuals give the noise. If a second fit with a memory of 20 s contradicts
-/// the first, the Imu has probably changed, and both begin anew.
+/// the first, the Imu or the slope of the ground has probably changed, and both begin anew.
 class Mounting {
  public:
   /// Adds a frame, `seconds` after the previous frame. `seen`: the rotation since the frame at
@@ -45,7 +45,7 @@ class Mounting {
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
-  static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kScale = 7, kTilt = 8, kSize = 11;
+  static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kTilt = 7, kScale = 10, kSize = 11;
   using Unknowns = Eigen::Matrix<double, kSize, 1>;
   using Information = Eigen::Matrix<double, kSize, kSize>;
   using Slope = Eigen::Matrix<double, 3, kSize>;
@@ -78,7 +78,7 @@ class Mounting {
 
   void begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns);
   void endBlock();
-  bool contradict() const;
+  bool contradict() const;  // of the two fits
 
   bool was_added_ = false;    // true if add() was called for this frame
   bool is_running_ = false;   // true if add() was called for the last frame

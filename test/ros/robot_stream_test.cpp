@@ -7,6 +7,8 @@
 #include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
 
+#include <cstdint>
+#include <map>
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
@@ -353,13 +355,21 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
     send(view());
     return !three.messages().empty();
   }));
+  std::map<std::uint64_t, std::uint64_t> b_of_a, a_of_b;
   for (int i = 0; i < 5; ++i) {
     const ros::Time stamp = send(view()).header.stamp;
     ASSERT_TRUE(one.waitFor(stamp) && three.waitFor(stamp));
     Match a = *one.withStamp(stamp);
     Match b = *three.withStamp(stamp);
+    // The number of a track depends on the frame in which the matcher began, so the tracks are
+    // compared one to one.
     ASSERT_EQ(a.correspondences.track.size(), b.correspondences.track.size());
-    // The number of a track depends on the frame in which the matcher began.
+    for (std::size_t k = 0; k < a.correspondences.track.size(); ++k) {
+      const auto track_a = a.correspondences.track[k];
+      const auto track_b = b.correspondences.track[k];
+      EXPECT_EQ(b_of_a.emplace(track_a, track_b).first->second, track_b);
+      EXPECT_EQ(a_of_b.emplace(track_b, track_a).first->second, track_a);
+    }
     a.correspondences.track.clear();
     b.correspondences.track.clear();
     ASSERT_EQ(a.statistics.status, MatchStatus::STATUS_OK);

@@ -176,7 +176,7 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
     const Churn pairs([&view](int i) { matchPair(*view.image(i, ros::Time(1))); });
     const Churn sides([&inputs](int i) { inputs.send(i); });
     const Churn subscribers(subscribeForAMoment);
-    const int cycles = test::argument("cycles", 20);
+    const int cycles = test::argument("cycles", 50);
     for (int cycle = 0; cycle < cycles; ++cycle) {
       ASSERT_TRUE(test::loadMatcher(loader, "/camera")) << "cycle " << cycle;
       std::thread slow;
