@@ -85,9 +85,9 @@ void GroundFilter::allowReadout(double seconds) {
   allowed_ = longest;
 }
 
-void GroundFilter::limitReadout(double seconds) {
-  const double beyond = std::abs(readout_) - seconds;
-  if (!(beyond > 0.0)) return;
+void GroundFilter::limitReadout() {
+  const double beyond = std::abs(readout_) - allowed_;
+  if (is_known_ || !(beyond > 0.0)) return;
   // The bound is not a measurement, so it must not reduce the covariance. Otherwise the filter
   // would soon be certain of a readout time at the bound.
   const double back = readout_ > 0.0 ? -beyond : beyond;

@@ -47,9 +47,9 @@ class GroundFilter {
   /// between two images (at most 1/30 s), because an image is read out completely before the next
   /// one begins. Call this before adding the second image.
   void allowReadout(double seconds);
-  /// Limits the estimate of the readout time to +- `seconds`. Call this after adding the second
-  /// image.
-  void limitReadout(double seconds);
+  /// Keeps the estimate of an unknown readout time within the bound of allowReadout(). A shorter
+  /// time between two stamps does not limit it, because a single stamp may be wrong.
+  void limitReadout();
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 

@@ -32,6 +32,12 @@ constexpr double kUnknownTilt = 0.35;  // rad
 // Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
 constexpr double kOrigin = 1e-6;
 
+/// The readings of a frame that depend on its own pose only.
+struct Readings {
+  std::optional<HeightReading> height;
+  std::optional<DownReading> down;
+};
+
 }  // namespace
 
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
@@ -40,6 +46,7 @@ struct GroundMotion::Impl {
   bool goesBack(const GroundFrame& frame);
   void forget();
   GroundStatus follow(const GroundFrame& frame);
+  GroundStatus place(const GroundFrame& frame, const ImageMotion& image, bool is_connection);
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus resume(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus placed(const GroundFrame& frame, const ImageMotion& image, GroundStatus status);
@@ -74,6 +81,8 @@ struct GroundMotion::Impl {
   std::int64_t newest_stamp = 0;      // stamp of the newest frame, with or without a homography
   std::optional<Eigen::Matrix3d> newest_homography;
   std::int64_t before_stamp = 0;  // stamp of the frame before newest_stamp
+  Readings newest;                // of the frame at newest_stamp
+  Readings before;                // of the frame at before_stamp
   bool has_frame = false;
   util::StampOrder order;  // finds wrong stamps
   int looks_away = 0;      // number of successive DownReadings that point above the horizon
@@ -119,15 +128,16 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   estimate = {};
   if (goesBack(frame)) return estimate;
   before_stamp = newest_stamp;
+  before = newest;
   newest_stamp = frame.stamp;
+  newest = {frame.height, frame.down};
   filter.allowReadout(
       1e-9 * static_cast<double>(frame.stamp - (has_frame ? before_stamp : frame.reference_stamp)));
   newest_homography = homography;
   has_frame = true;
   addTurn(frame);
   estimate.status = follow(frame);
-  if (estimate.hasTwist())
-    filter.limitReadout(1e-9 * static_cast<double>(newest_stamp - before_stamp));
+  if (estimate.hasTwist()) filter.limitReadout();
   if (!filter.isFinite()) forget();
   mounting.endFrame();
   estimate.imu = mounting.estimate(options.camera_to_base.linear());
@@ -151,7 +161,10 @@ bool GroundMotion::Impl::goesBack(const GroundFrame& frame) {
   if (place.restarted) has_pose = is_connected = false;
   // The newest accepted stamp was too late, so the last velocity is based on a wrong duration.
   if (place.was_one_ahead) velocity.interrupt();
-  if (place.restarted || place.was_one_ahead) newest_stamp = *order.before();
+  if (place.restarted || place.was_one_ahead) {
+    newest_stamp = *order.before();
+    newest = {};  // the frame at this stamp was left out
+  }
   if (place.is_apart) estimate.status = GroundStatus::stamp_went_back;
   return place.is_apart;
 }
@@ -174,8 +187,8 @@ void GroundMotion::Impl::forget() {
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
-  const bool from_last = frame.reference_stamp == last_stamp;
-  const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
+  const bool is_connection = is_connected && (frame.reference_stamp == last_stamp ||
+                                              frame.reference_stamp == keyframe_stamp);
   const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
   constexpr int kBelieved = 10;  // number of successive upward DownReadings that are ignored
   looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
@@ -187,22 +200,31 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   // Over relief, homographies fit badly because the ground is not a plane; they are not noisier
   // than elsewhere. So the noise of the readings is enlarged instead, see Relief::widened.
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
+  const motion::Shutter shutter_before = shutter;
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
-  if (is_connection) {
-    if (from_last && frame.reference_stamp != keyframe_stamp) {
-      filter.setKeyframe(image, true);
-      // The slope of the ground may change between keyframes, so the height and the tilt become
-      // less certain; their variance grows in proportion to the distance flown.
-      const Eigen::Vector3d position = filter.pose().position;
-      const double share = (position - keyframe_position).norm() / position.z();
-      const double variance = options.ground_slope * options.ground_slope * share;
-      filter.widen(variance, variance);
-      beginKeyframe(frame);
-    }
-    return connect(frame, image);
+  const GroundStatus status = place(frame, image, is_connection);
+  // The flow of a refused homography is as wrong as the homography.
+  if (status == GroundStatus::contradiction) shutter = shutter_before;
+  return status;
+}
+
+/// Finds the pose of a frame with a usable homography. `is_connection`: true if the reference is
+/// the last frame or the keyframe.
+GroundStatus GroundMotion::Impl::place(const GroundFrame& frame, const ImageMotion& image,
+                                       bool is_connection) {
+  if (!is_connection) return beginAt(frame, image);
+  if (frame.reference_stamp == last_stamp && frame.reference_stamp != keyframe_stamp) {
+    filter.setKeyframe(image, true);
+    // The slope of the ground may change between keyframes, so the height and the tilt become
+    // less certain; their variance grows in proportion to the distance flown.
+    const Eigen::Vector3d position = filter.pose().position;
+    const double share = (position - keyframe_position).norm() / position.z();
+    const double variance = options.ground_slope * options.ground_slope * share;
+    filter.widen(variance, variance);
+    beginKeyframe(frame);
   }
-  return beginAt(frame, image);
+  return connect(frame, image);
 }
 
 /// Finds a pose for a frame that is not connected to earlier frames.
@@ -229,17 +251,26 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 }
 
 /// Continues after a gap: predicts the pose of `frame` from the last velocity. If the reference of
-/// `frame` is the previous frame, predicts the pose of that reference instead. The homography then
-/// gives the pose of `frame`, and the two poses give a velocity.
+/// `frame` is the previous frame and has readings, too, predicts the pose of that reference
+/// instead. The homography then gives the pose of `frame`, and the two poses give a velocity.
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
-  const GroundFilter before = filter;
+  const GroundFilter filter_before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));
-  const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp;
+  // The reference must have readings of its own. Those of this frame, with the doubt of the motion
+  // in between, would leave the height and the tilt so uncertain that the correction by the next
+  // readings is far beyond the range of its linearisation, which the covariance does not show.
+  const bool has_readings = (!frame.height || before.height) &&
+                            (!frame.down || (before.down && looksDown(before.down->direction)));
+  const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp &&
+                       frame.stamp > before_stamp && has_readings;
   const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
   filter.predict(velocity.twist(), velocity.covariance(),
                  follows ? estimate.gap - seconds : estimate.gap, options);
-  const GroundFrame begin =
-      follows ? velocity.atReference(frame, seconds, estimate.gap, options) : frame;
+  GroundFrame begin = frame;
+  if (follows) {
+    begin.height = before.height;
+    begin.down = before.down;
+  }
   widenForReadings(begin);
   useReadings(begin);
   if (!follows) return placed(frame, image, GroundStatus::resumed);
@@ -249,7 +280,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   if (!innovation ||
       (velocity.isJump(filter, seconds, estimate.gap) &&
        !velocity.isBelieved(filter, newest_stamp, before_stamp, keyframe_stamp, true))) {
-    filter = before;
+    filter = filter_before;
     return GroundStatus::contradiction;
   }
   beginKeyframe(frame);
@@ -273,7 +304,7 @@ GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMot
 }
 
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
-  const GroundFilter before = filter;
+  const GroundFilter filter_before = filter;
   const auto innovation = filter.advance(image);
   estimate.homography_misfit =
       innovation ? innovation->misfit : std::numeric_limits<double>::infinity();
@@ -286,7 +317,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   if (!fits || (has_time && velocity.isJump(filter, sinceLast(frame), sinceLast(frame)))) {
     const bool is_believed =
         fits && velocity.isBelieved(filter, newest_stamp, before_stamp, keyframe_stamp, false);
-    filter = before;
+    filter = filter_before;
     if (is_believed || ++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }

@@ -53,25 +53,6 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   covariance_ -= gain * covariance_.topRows<3>();
 }
 
-GroundFrame Velocity::atReference(GroundFrame frame, double seconds, double gap,
-                                  const GroundMotionOptions& options) const {
-  const double doubt = seconds * gap;
-  if (frame.height) {
-    frame.height->age -= seconds;
-    frame.height->deviation = std::hypot(frame.height->deviation, doubt * options.acceleration);
-  }
-  if (frame.down) {
-    const Eigen::Matrix3d turn =
-        frame.turn ? frame.turn->rotation : rotationAbout(seconds * twist_.tail<3>());
-    frame.down->direction = turn * frame.down->direction;
-    if (!looksDown(frame.down->direction)) frame.down.reset();
-  }
-  if (frame.down) {
-    frame.down->deviation = std::hypot(frame.down->deviation, doubt * options.turn_acceleration);
-  }
-  return frame;
-}
-
 void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estimate) const {
   const Eigen::Matrix3d to_base = options.camera_to_base.linear();
   const Eigen::Vector3d lever = options.camera_to_base.inverse().translation();

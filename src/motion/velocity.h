@@ -28,11 +28,6 @@ class Velocity {
   /// Velocity (m/s) and angular velocity (rad/s) of the camera in its own frame.
   const Vector6& twist() const { return twist_; }
   const Matrix6& covariance() const { return covariance_; }
-  /// Converts the readings of `frame` to the time of its reference frame, `seconds` earlier, with
-  /// the velocity that was measured `gap` seconds before `frame`. Enlarges the deviations
-  /// accordingly.
-  GroundFrame atReference(GroundFrame frame, double seconds, double gap,
-                          const GroundMotionOptions& options) const;
 
   /// Writes the twist of the vehicle's base and its covariance to `estimate`.
   void report(const GroundMotionOptions& options, GroundEstimate& estimate) const;

@@ -554,6 +554,56 @@ TEST(GroundMotion, GapGrowsCovariance) {
   EXPECT_EQ(flight.step().status, GroundStatus::ok);
 }
 
+/// Lets `flight` pause for that many seconds. The matcher then begins anew, so the first frame has
+/// no homography, and the second one refers to it. Calls `visit` with each frame before it is
+/// added.
+template <typename Visit>
+void pauseFor(double seconds, Flight& flight, const Visit& visit) {
+  constexpr int kBegin = 300;  // a keyframe
+  const std::int64_t pause = std::llround(1e9 * seconds);
+  flight.steps(kBegin);
+  for (int i = kBegin; i < kBegin + 15; ++i) {
+    GroundFrame frame = flight.next();
+    frame.stamp += pause;
+    frame.reference_stamp += pause;
+    if (i == kBegin) frame.answer.reset();
+    visit(i, frame);
+  }
+}
+
+// Both images have readings of their own, so they need no doubt of the motion between them. Where
+// one is missing, the velocity between them is not known.
+TEST(GroundMotion, VelocitiesAfterAGapHaveATrueCovariance) {
+  for (const double gap : {0.3, 1.0, 3.0}) {
+    test::Normalised twists;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      Flight flight = Flight::noisy(downward(), 1e-4, seed);
+      flight.scale = 0.1;  // at 0.4 m
+      pauseFor(gap, flight, [&](int i, const GroundFrame& frame) {
+        const GroundEstimate& estimate = flight.ground.add(frame);
+        if (i == 300) return;
+        ASSERT_EQ(estimate.status, i == 301 ? GroundStatus::resumed : GroundStatus::ok)
+            << gap << " " << seed << " " << i;
+        ASSERT_TRUE(estimate.hasTwist());
+        twists.add(flight.velocityError(i, estimate), estimate.twist_covariance);
+      });
+    }
+    EXPECT_LT(twists.mean(), 5.0) << gap;
+    EXPECT_GE(twists.within(16.27), 0.98) << gap;
+  }
+  for (const bool lacks_height : {true, false}) {
+    Flight flight = Flight::noisy(downward(), 1e-4);
+    pauseFor(1.0, flight, [&](int i, GroundFrame& frame) {
+      if (i == 300 && lacks_height) frame.height.reset();
+      if (i == 300 && !lacks_height) frame.down.reset();
+      const GroundEstimate& estimate = flight.ground.add(frame);
+      if (i == 300) return;
+      EXPECT_EQ(estimate.status, i == 301 ? GroundStatus::resumed : GroundStatus::ok) << i;
+      EXPECT_EQ(estimate.hasTwist(), i > 301) << i;
+    });
+  }
+}
+
 TEST(GroundMotion, FindsTheNormalFromTheMotion) {
   Flight flight(mounted(), 1e-5);
   flight.gives_down = false;
@@ -826,7 +876,7 @@ struct RollingFlight {
     return point * (1.0 + lens * point.squaredNorm());
   }
 
-  GroundFrame at(int i, int keyframe) {
+  GroundFrame at(int i, int keyframe) const {
     // A part is of the keyframe's points, the same for all frames after it.
     std::mt19937 keyframe_numbers(1000000 * seed + 2 * keyframe);
     std::mt19937 frame_numbers(1000000 * seed + 2 * i + 1);
@@ -880,23 +930,32 @@ struct RollingFlight {
 };
 
 /// A flight that turns and climbs, so that the pictures show the shutter.
+RollingFlight shutterShowing(double readout) {
+  RollingFlight flight;
+  flight.readout = readout;
+  flight.posed = [](double t) {
+    return CameraPose{
+        downward().linear() *
+            motion::rotationAbout({0.1 * std::sin(5.0 * t), 0.1 * std::sin(4.0 * t), 0.3 * t}),
+        {std::sin(3.0 * t), 0.8 * std::cos(2.0 * t), 2.0 + 0.4 * std::sin(2.5 * t)}};
+  };
+  return flight;
+}
+
+GroundMotion withReadout(double seconds) {
+  GroundMotionOptions options = optionsWith(downward());
+  options.readout_time = seconds;
+  return GroundMotion(options);
+}
+
 struct ShownShutter {
   double speed_error = 0.0;  // RMS of the velocity, m/s; the speed is about 3 m/s
   GroundEstimate last;
 
   /// `given`: the readout time of the options.
   ShownShutter(double readout, double given) {
-    RollingFlight flight;
-    flight.readout = readout;
-    flight.posed = [](double t) {
-      return CameraPose{
-          downward().linear() *
-              motion::rotationAbout({0.1 * std::sin(5.0 * t), 0.1 * std::sin(4.0 * t), 0.3 * t}),
-          {std::sin(3.0 * t), 0.8 * std::cos(2.0 * t), 2.0 + 0.4 * std::sin(2.5 * t)}};
-    };
-    GroundMotionOptions options = optionsWith(downward());
-    options.readout_time = given;
-    GroundMotion ground(options);
+    const RollingFlight flight = shutterShowing(readout);
+    GroundMotion ground = withReadout(given);
     constexpr int kBegin = 60, kFrames = 300;
     for (int i = 1; i < kFrames; ++i) {
       last = ground.add(flight.at(i, (i - 1) / 5 * 5));
@@ -1024,6 +1083,63 @@ TEST(GroundMotion, UnknownReadoutTimeIsAtMostTheTimeBetweenTwoImages) {
     const double longest = 1.0 / std::max(rate, 30);  // s
     EXPECT_LE(last.readout_deviation, longest / std::sqrt(3.0) + 1e-6) << rate;
     EXPECT_GT(last.readout_deviation, 0.9 * longest / std::sqrt(3.0)) << rate;
+  }
+}
+
+// Neither the time back from a stamp far ahead nor two stamps close together tell anything about
+// the camera.
+TEST(GroundMotion, AWrongStampDoesNotChangeTheReadoutTime) {
+  const RollingFlight flight = shutterShowing(0.015);
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  for (const std::int64_t wrong : {100 * kSecond, 30'000'000L}) {
+    for (const double given : {-1.0, 0.015}) {
+      GroundMotion ground = withReadout(given);
+      for (int i = 1; i < 150; ++i) {
+        GroundFrame frame = flight.at(i, (i - 1) / 5 * 5);
+        if (i == 98) {
+          frame.stamp += wrong;
+          frame.answer.reset();
+        }
+        const GroundEstimate& found = ground.add(frame);
+        if (i < 60) continue;
+        EXPECT_NEAR(found.readout_time, 0.015, 0.001) << wrong << " " << given << " " << i;
+        if (i < 100) continue;
+        ASSERT_TRUE(found.hasTwist()) << wrong << " " << given << " " << i;
+        EXPECT_LT((found.twist - flight.twist(i)).head<3>().norm(), 0.15)
+            << wrong << " " << given << " " << i;
+      }
+    }
+  }
+}
+
+// The next homography is right, and so must be the effect of the shutter on it.
+TEST(GroundMotion, ARefusedHomographyDoesNotChangeTheFlow) {
+  RollingFlight flight;
+  flight.readout = 0.02;
+  flight.posed = [](double t) {
+    return CameraPose{
+        downward().linear() *
+            motion::rotationAbout({0.05 * std::sin(5.0 * t), 0.05 * std::sin(4.0 * t), 0.3 * t}),
+        {t, 0.2 * std::sin(t), 2.0}};
+  };
+  for (const double given : {-1.0, 0.02}) {
+    GroundMotion ground = withReadout(given);
+    for (int i = 1; i < 110; ++i) {
+      GroundFrame frame = flight.at(i, i - 1);
+      if (i == 100) {  // off by 60 px along the columns
+        frame.answer->homography.row(1) += 60.0 * frame.answer->homography.row(2);
+        frame.answer->homography /= frame.answer->homography(2, 2);
+      }
+      const GroundEstimate& found = ground.add(frame);
+      if (i < 98) continue;
+      ASSERT_EQ(found.status, i == 100   ? GroundStatus::contradiction
+                              : i == 101 ? GroundStatus::resumed
+                                         : GroundStatus::ok)
+          << given << " " << i;
+      if (i == 100) continue;
+      const Eigen::Vector3d error = (found.twist - flight.twist(i)).head<3>();
+      EXPECT_LT(error.norm(), 0.1) << given << " " << i;
+    }
   }
 }
 
