@@ -128,6 +128,11 @@ void GroundFilter::moveFrame() {
 
 void GroundFilter::predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
                            const GroundMotionOptions& options) {
+  // After a long pause, the last velocity tells nothing about the pose, which is then not known at
+  // all. Variances that grew further would only make the covariance indefinite by rounding.
+  constexpr double kLongest = 60.0;     // s
+  constexpr double kFarthest = 1000.0;  // m
+  seconds = std::min(seconds, kLongest);
   const CameraPose last = pose();
   const Eigen::Matrix3d turn = rotationAbout(seconds * twist.tail<3>());
   const CameraPose next{last.axes * turn, last.position + seconds * (last.axes * twist.head<3>())};
@@ -139,7 +144,10 @@ void GroundFilter::predict(const Vector6& twist, const Matrix6& twist_covariance
   const double half_square = 0.5 * seconds * seconds;
   predicted.diagonal().head<3>().array() += std::pow(half_square * options.acceleration, 2);
   predicted.diagonal().tail<3>().array() += std::pow(half_square * options.turn_acceleration, 2);
-  start(next, predicted);
+  Vector6 largest;  // standard deviations
+  largest << Eigen::Vector3d::Constant(kFarthest), Eigen::Vector3d::Constant(util::kPi);
+  const Vector6 kept = largest.cwiseQuotient(predicted.diagonal().cwiseSqrt()).cwiseMin(1.0);
+  start(next, kept.asDiagonal() * predicted * kept.asDiagonal());
 }
 
 void GroundFilter::moveBase(const Pose3& base, const Covariance6& covariance_of_base,

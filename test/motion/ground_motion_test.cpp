@@ -604,6 +604,32 @@ TEST(GroundMotion, VelocitiesAfterAGapHaveATrueCovariance) {
   }
 }
 
+// The pose is not known then, and the covariance says so, but not more: the height and the tilt are
+// found at once.
+TEST(GroundMotion, ALongPauseKeepsTheCovarianceDefinite) {
+  for (const double hours : {0.25, 8.0, 1000.0}) {
+    for (const bool has_down : {true, false}) {
+      Flight flight = Flight::noisy(mounted(), 1e-4);
+      Eigen::Vector3d last = Eigen::Vector3d::Zero();
+      pauseFor(3600.0 * hours, flight, [&](int i, GroundFrame& frame) {
+        if (i == 300) last = baseOf(flight.truth(299), mounted()).position;
+        if (!has_down) frame.down.reset();
+        const GroundEstimate& estimate = flight.ground.add(frame);
+        if (i < (has_down ? 301 : 305)) return;
+        ASSERT_EQ(estimate.status, i == 301 ? GroundStatus::resumed : GroundStatus::ok)
+            << hours << " " << has_down << " " << i;
+        EXPECT_LT((estimate.base_to_odometry.translation() - last).norm(), 1000.0);
+        const Covariance6& covariance = estimate.pose_covariance;
+        EXPECT_EQ(covariance.llt().info(), Eigen::Success) << hours << " " << has_down << " " << i;
+        EXPECT_NEAR(std::sqrt(covariance(0, 0)), 1000.0, 100.0);
+        EXPECT_LT(std::sqrt(covariance(2, 2)), 0.1);
+        EXPECT_NEAR(std::sqrt(covariance(5, 5)), EIGEN_PI, 0.5);
+        EXPECT_LT(flight.velocityError(i, estimate).norm(), has_down ? 0.2 : 0.5) << i;
+      });
+    }
+  }
+}
+
 TEST(GroundMotion, FindsTheNormalFromTheMotion) {
   Flight flight(mounted(), 1e-5);
   flight.gives_down = false;
