@@ -423,7 +423,7 @@ void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   if (destination) {
     filter.moveBase(*destination, destination_covariance, options.camera_to_base.inverse());
-    origin = destination->translation();
+    origin << destination->translation().head<2>(), 0.0;  // the height is measured from the ground
     destination.reset();
   }
   filter.setKeyframe(image, false);

@@ -1425,6 +1425,22 @@ TEST(GroundMotion, SetPoseMovesTheBase) {
   EXPECT_THROW(flight.ground.setPose(wanted, covariance), std::invalid_argument);
 }
 
+// The height stays as measured, so its scale error does, too.
+TEST(GroundMotion, SetPoseDoesNotUseTheHeight) {
+  Flight flight(mounted(), 1e-8);
+  GroundMotionOptions options = optionsWith(mounted());
+  options.scale_deviation = 0.02;
+  flight.ground = GroundMotion(options);
+  flight.steps(30);
+  Pose3 wanted = Pose3::Identity();
+  wanted.translation() << 100.0, -50.0, 70.0;
+  flight.ground.setPose(wanted, Covariance6::Zero());
+  const GroundEstimate& estimate = flight.step();
+  const double height = estimate.base_to_odometry.translation().z();
+  EXPECT_NEAR(height, flight.base(30).position.z(), 1e-3);
+  EXPECT_NEAR(std::sqrt(estimate.pose_covariance(2, 2)), 0.02 * height, 1e-3);
+}
+
 TEST(GroundMotion, StampGoingBackRestarts) {
   Flight flight(mounted(), 1e-8);
   flight.steps(30);
