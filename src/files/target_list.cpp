@@ -71,17 +71,28 @@ TargetEntry entryOf(const YAML::Node& node, const fs::path& folder) {
   for (const auto& item : node) {
     const auto key = valueOf<std::string>("a key", item.first, "text");
     if (!keys.insert(key).second) throw std::invalid_argument(util::quoted(key) + " occurs twice");
+    // YAML's null, an empty value, is not the text "null".
+    const bool is_empty = item.second.IsNull();
     if (key == "id") {
+      if (is_empty) {
+        throw std::invalid_argument(
+            "id is empty; expected a name, or no id: the file names it then");
+      }
       entry.id = valueOf<std::string>(key, item.second, "text");
     } else if (key == "image") {
+      if (is_empty) throw std::invalid_argument("image is empty; expected the name of a file");
       names = {valueOf<std::string>(key, item.second, "name of a file")};
     } else if (key == "images") {
+      for (const YAML::Node& name : item.second) {
+        if (name.IsNull())
+          throw std::invalid_argument("a name in images is empty; expected a file");
+      }
       names = valueOf<std::vector<std::string>>(key, item.second,
                                                 "list of files: [day.png, night.png]");
     } else if (key == "width") {
       entry.width = valueOf<double>(key, item.second, "number of metres");
     } else if (key == "frame") {
-      entry.frame = valueOf<std::string>(key, item.second, "name of a frame");
+      if (!is_empty) entry.frame = valueOf<std::string>(key, item.second, "name of a frame");
     } else {
       throw std::invalid_argument(util::quoted(key) +
                                   " is unknown; expected id, image, images, width or frame");

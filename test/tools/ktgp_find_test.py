@@ -138,6 +138,13 @@ class KtgpFind(ToolCase):
         self.assertEqual([found[name] for name in ("id", "image", "width", "frame")],
                          ["map", 1, 0.8, "wall"])
 
+    def test_an_empty_frame_is_none(self):
+        for value, frame in (("", ""), ("~", ""), ('"null"', "null")):
+            self.write("list.yaml", f"- {{image: posters/poster1.pgm, frame: {value}}}\n")
+            self.find("scene.pgm", "list.yaml", "--json", "out.json")
+            found, = self.detections()
+            self.assertEqual(found["frame"], frame)
+
     def test_no_file_that_is_read_is_written(self):
         self.write("list.yaml", "- {image: posters/poster1.pgm}\n")
         files = ("list.yaml", "scene.pgm", "posters/poster1.pgm")
@@ -268,6 +275,9 @@ class KtgpFind(ToolCase):
                  "g.yaml": ("- {id: a, id: b, image: c}", "\"id\" occurs twice"),
                  "i.yaml": ("- {image: b, images: [c, d]}", "line 1: it has image and images; expected one of them"),
                  "j.yaml": ("- {id: a, image: ''}", "line 1: the name of an image is empty"),
+                 "k.yaml": ("- {id: , image: b}", "line 1: id is empty; expected a name"),
+                 "l.yaml": ("- {id: a, image: }", "line 1: image is empty; expected the name of a file"),
+                 "m.yaml": ("- {id: a, images: [b, ~]}", "line 1: a name in images is empty; expected a file"),
                  "h.yaml": ("- {image: b}\n---\n- {image: c}", "several YAML documents"),
                  "\x1b[31m.yaml": ("x: 1", "\\x1b[31m.yaml: is no list")}
         for name, (text, _) in lists.items():
