@@ -63,6 +63,14 @@ void moveOut(const std::string& id, Entries& entries, std::vector<TargetEntry>& 
   entries.erase(others, entries.end());
 }
 
+/// Adds the names of the entries' files to `names`, without their folders.
+template <typename Entries>
+void addNames(const Entries& entries, std::set<std::string>& names) {
+  for (const TargetEntry& entry : entries) {
+    for (const std::string& file : entry.files) names.insert(fs::path(file).filename().string());
+  }
+}
+
 template <typename Entries>
 bool areThere(const Entries& entries, const std::string& id) {
   return std::any_of(entries.begin(), entries.end(),
@@ -223,9 +231,7 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
 /// writeImages() gives, such as 12.png and 12.unfinished0.png.
 void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   std::set<std::string> named;
-  for (const TargetEntry& entry : entries) {
-    for (const std::string& file : entry.files) named.insert(fs::path(file).filename().string());
-  }
+  addNames(entries, named);
   static const std::regex ours("[0-9]+(\\.unfinished[0-9]+)?\\.png");
   std::error_code none;
   for (const fs::path& file : fs::directory_iterator(folderOf(file_), none)) {
@@ -234,13 +240,21 @@ void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
   }
 }
 
-/// Deletes only images in the folder of the list, since all other images belong to the user.
+/// Deletes only images in the folder of the list, since all other images belong to the user, and
+/// only those that no entry of the list names: several entries may name the same image.
 void TargetBook::deleteImages(const std::vector<TargetEntry>& of) const {
   if (file_.empty()) return;
+  std::set<std::string> named;
+  addNames(lists_.used, named);
+  addNames(lists_.refused, named);
+  addNames(lists_.waiting, named);
   std::error_code none;
   for (const TargetEntry& entry : of) {
     for (const std::string& file : entry.files) {
-      if (fs::path(file).parent_path() == folderOf(file_)) fs::remove(file, none);
+      const fs::path path(file);
+      if (path.parent_path() == folderOf(file_) && named.count(path.filename().string()) == 0) {
+        fs::remove(path, none);
+      }
     }
   }
 }

@@ -132,6 +132,20 @@ class TargetsFilesTest(FolderCase):
                     self.succeed('/kept', 'add', 'broken', [third], 0.0, '')
         self.assertEqual(self.read(kept).count('id: broken'), 1)
 
+    def test_an_image_of_two_targets_stays_until_both_are_removed(self):
+        kept, images = self.path('kept.yaml'), self.path('kept.yaml_images')
+        os.mkdir(images)
+        cv2.imwrite(self.path('kept.yaml_images', '0.png'), POSTER)
+        # The second one is refused, since one of its images is missing.
+        self.write(kept, '- {id: first, image: kept.yaml_images/0.png}\n'
+                   '- {id: second, images: [kept.yaml_images/0.png, missing.png]}\n')
+        with targets_node('/shared', file=kept) as program:
+            self.assertTrue(program.says('it stays in ' + kept), program.output())
+            self.succeed('/shared', 'remove', 'second')
+            self.assertEqual(os.listdir(images), ['0.png'])
+            self.succeed('/shared', 'remove', 'first')
+            self.assertEqual(os.listdir(images), [])
+
     def test_creates_the_folder_of_the_list_or_says_why_not(self):
         with targets_node('/new', file=self.path('a', 'b', 'kept.yaml')):
             self.succeed('/new', 'add', 'first', [image(POSTER)], 0.0, '')
