@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -394,6 +395,19 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   return reading;
 }
 
+/// For how many images, at the present rate of images, this message is the nearest one; at least 1.
+double GroundReadings::usesOf(const sensor_msgs::Imu& imu, const std_msgs::Header& image) const {
+  if (imus_.size() < 2 || last_image_.isZero() || image.stamp <= last_image_) return 1.0;
+  const auto at = std::find_if(imus_.begin(), imus_.end(),
+                               [&](const sensor_msgs::Imu& other) { return &other == &imu; });
+  const auto before = at == imus_.begin() ? at : std::prev(at);
+  const auto after = std::next(at) == imus_.end() ? at : std::next(at);
+  const double sides = before == at || after == at ? 1.0 : 2.0;
+  const double seconds = std::min(secondsBetween(before->header.stamp, after->header.stamp) / sides,
+                                  2.0 * config_.max_age);
+  return std::max(1.0, seconds / secondsBetween(last_image_, image.stamp));
+}
+
 DownReading GroundReadings::downOfImu(const std_msgs::Header& image) const {
   const sensor_msgs::Imu& imu = nearest(imus_, "Imu on " + imu_topic_, image.stamp);
   const double age = secondsBetween(imu.header.stamp, image.stamp);
@@ -406,7 +420,10 @@ DownReading GroundReadings::downOfImu(const std_msgs::Header& image) const {
   }
   const Pose3 found = transform(image.frame_id, imu.header.frame_id, image.stamp);
   DownReading reading;
-  reading.deviation = deviationOf(imu.orientation_covariance, 2, kNormalDeviation);
+  // An Imu that is slower than the camera gives several images the same error. Together, they must
+  // count as one reading.
+  reading.deviation =
+      std::sqrt(usesOf(imu, image)) * deviationOf(imu.orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
       imu.angular_velocity_covariance[0] >= 0.0 && vector(imu.angular_velocity).allFinite();

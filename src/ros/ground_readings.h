@@ -83,6 +83,7 @@ class GroundReadings {
   std::string turnTrouble(const GroundEstimate& estimate) const;
   std::optional<DownReading> down(const std_msgs::Header& image);
   DownReading downOfImu(const std_msgs::Header& image) const;
+  double usesOf(const sensor_msgs::Imu& imu, const std_msgs::Header& image) const;
   std::optional<TurnReading> turn(const std_msgs::Header& image);
   Pose3 transform(const std::string& target, const std::string& source,
                   const ros::Time& time) const;

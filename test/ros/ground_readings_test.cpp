@@ -6,6 +6,8 @@
 #include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <sstream>
@@ -278,6 +280,28 @@ TEST(GroundReadings, RangeCountsOnceWhereUsed) {
   EXPECT_TRUE(stream.frame(1.03).height);  // the frame before could not use it
   estimate_is(GroundStatus::ok);
   EXPECT_FALSE(stream.frame(1.06).height);
+}
+
+// Each orientation then serves several images, which together count as one reading.
+TEST(GroundReadings, AnImuSlowerThanTheCameraCountsLess) {
+  for (const double rate : {10.0, 30.0, 200.0}) {
+    Stream stream;
+    GroundMotionConfig config = groundMotionDefaults();
+    config.base_frame.clear();
+    config.normal_source = "imu";
+    stream.readings.configure(config, "/range", "/imu");
+    sensor_msgs::Imu imu;
+    imu.orientation.w = 1.0;
+    imu.orientation_covariance[0] = imu.orientation_covariance[4] = 0.01 * 0.01;
+    for (int i = 0; i < 2.0 * rate; ++i) stream.add(1.0 + i / rate, imu);
+    stream.frame(1.9);
+    for (int i = 1; i < 20; ++i) {
+      const GroundFrame frame = stream.frame(1.9 + i / 30.0);
+      ASSERT_TRUE(frame.down);
+      const double uses = std::max(1.0, 30.0 / rate);
+      EXPECT_NEAR(frame.down->deviation, std::sqrt(uses) * 0.01, 1e-6) << rate << " " << i;
+    }
+  }
 }
 
 TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {
