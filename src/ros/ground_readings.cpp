@@ -373,7 +373,9 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
   reading.deviation = config_.height_deviation * reading.metres;
   reading.beam_direction = Eigen::Vector3d::UnitZ();
   if (withoutSlash(range.header.frame_id) != withoutSlash(image.frame_id)) {
-    const Pose3 found = transform(image.frame_id, range.header.frame_id, range.header.stamp);
+    // complete() has waited for tf at the image's stamp. A later one may not be known yet.
+    const Pose3 found =
+        transform(image.frame_id, range.header.frame_id, std::min(range.header.stamp, image.stamp));
     reading.beam_origin = found.translation();
     reading.beam_direction = found.linear().col(0);  // a range sensor measures along its x axis
   }

@@ -304,6 +304,28 @@ TEST(GroundReadings, AnImuSlowerThanTheCameraCountsLess) {
   }
 }
 
+// The message that is nearest may be later than the image, for which complete() has waited.
+TEST(GroundReadings, ARangeNeedsNoTransformLaterThanTheImage) {
+  Stream stream;
+  sensor_msgs::Range range;
+  range.header.frame_id = "sonar";
+  range.header.stamp = ros::Time(1.03);
+  range.max_range = 10.F;
+  range.range = 2.F;
+  stream.readings.add(range);
+  stream.addImu(1.03, 0.0);
+  for (const double stamp : {1.0, 1.025}) {
+    geometry_msgs::TransformStamped transform;
+    transform.header = Stream::image(stamp);
+    transform.child_frame_id = "sonar";
+    transform.transform.rotation.w = std::sqrt(0.5);
+    transform.transform.rotation.y = -std::sqrt(0.5);  // its beam is the optical axis
+    stream.tf.setTransform(transform, "test");
+  }
+  EXPECT_TRUE(stream.readings.complete(Stream::image(1.02)));
+  EXPECT_TRUE(stream.frame(1.02).height);
+}
+
 TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {
   sensor_msgs::Imu imu;
   EXPECT_EQ(noTurnWith(imu), "");
