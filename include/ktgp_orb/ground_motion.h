@@ -98,7 +98,8 @@ enum class GroundStatus : std::uint8_t {
   ok = 0,       ///< pose and twist are known
   started = 1,  ///< the first frame: a pose without a twist
   /// The first frame after a gap: the pose has a larger covariance, and a twist is known only if
-  /// the reference is the frame directly before this frame.
+  /// the reference is the frame directly before this frame and has the readings (height, down) that
+  /// this frame has.
   resumed = 2,
   no_homography = 3,  ///< no homography was found
   no_covariance = 4,  ///< the homography has no usable covariance, so it cannot be weighted
