@@ -14,13 +14,14 @@ namespace ktgp_orb {
 /// Reuses its buffers from call to call. An instance belongs to one thread at a time.
 class TargetPose {
  public:
-  /// `readout_time`: readout time of a rolling shutter, s (see withoutShutter). 0: global shutter;
-  /// -1: not known.
+  /// `readout_time`: readout time of a rolling shutter, s, -0.2 to 0.2 (see withoutShutter).
+  /// 0: global shutter; -1: not known. Throws std::invalid_argument.
   explicit TargetPose(double readout_time = -1.0);
   ~TargetPose();
   TargetPose(TargetPose&&) noexcept;
   TargetPose& operator=(TargetPose&&) noexcept;
 
+  /// Throws like the constructor.
   void setReadoutTime(double seconds);
 
   /// Returns the poses of a target whose width is known, as planarPoses() does. `camera`: K of an

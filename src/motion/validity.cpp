@@ -62,11 +62,7 @@ void requireValid(const GroundMotionOptions& options) {
   requireAtLeastZero("scale_deviation", options.scale_deviation);
   requireAtLeastZero("acceleration", options.acceleration);
   requireAtLeastZero("turn_acceleration", options.turn_acceleration);
-  if (!(options.readout_time >= -1.0 && options.readout_time < 1.0)) {
-    throw std::invalid_argument("readout_time is " + std::to_string(options.readout_time) +
-                                "; expected less than 1 s, 0 for a global shutter, below 0 where "
-                                "the last row is the first, -1 where it is not known");
-  }
+  util::requireReadoutTime(options.readout_time);
   if (!(options.max_tilt_deviation > 0.0)) {
     throw std::invalid_argument("max_tilt_deviation is " +
                                 std::to_string(options.max_tilt_deviation) +

@@ -12,6 +12,7 @@
 #include "nodelet/image_node.h"
 #include "nodelet/image_store.h"
 #include "ros/camera.h"
+#include "ros/image_conversion.h"
 
 namespace ktgp_orb {
 
@@ -30,6 +31,12 @@ class FrameConsumer : public ImageNode<Config, Work> {
     images_ = &this->addImages(5, [this](const sensor_msgs::ImageConstPtr& image, std::uint32_t) {
       if (image->header.stamp.isZero()) {
         this->diagnosis_.refuse("its header.stamp is zero, so its homography cannot be found");
+        return;
+      }
+      try {
+        requirePixels(*image);
+      } catch (const RefusedImage& error) {
+        this->diagnosis_.refuse(error.what());
         return;
       }
       this->diagnosis_.count(Diagnosis::kDropped, this->worker_.template put<&Work::add>(

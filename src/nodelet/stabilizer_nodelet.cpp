@@ -121,9 +121,7 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   if (steady_images_.getNumSubscribers() > 0) {
     try {
       const auto seen = warpableImage(image);
-      const auto steady = toImage(header, seen->encoding, warped(seen->image, frame.warp));
-      steady->is_bigendian = image->is_bigendian;
-      steady_images_.publish(steady);
+      steady_images_.publish(toImage(header, seen->encoding, warped(seen->image, frame.warp)));
     } catch (const RefusedImage& error) {
       diagnosis_.refuse(error.what());
       return;

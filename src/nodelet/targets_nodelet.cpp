@@ -19,6 +19,7 @@
 #include "ros/image_conversion.h"
 #include "ros/message_conversion.h"
 #include "ros/target_messages.h"
+#include "util/camera_check.h"
 
 namespace ktgp_orb {
 
@@ -249,7 +250,7 @@ std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
 }
 
 void TargetsNodelet::configure(TargetsConfig& config) {
-  requireReadoutTime(config.readout_time);
+  util::requireReadoutTime(config.readout_time);
   worker_.post([config](TargetsWork& work) { work.configure(config); });
   publishes_tf_ = config.publish_tf;
   connectionsChanged();

@@ -19,6 +19,7 @@
 #include "python/shared.h"
 #include "util/camera_check.h"
 #include "util/format.h"
+#include "util/options_check.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -184,8 +185,17 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
                                  const py::object& matrix, std::pair<int, int> size,
                                  std::vector<double> distortion, double seconds) {
   const Eigen::Matrix3d camera = requiredCamera(matrix);
+  const cv::Size image(size.first, size.second);
+  if (image.width < 1 || image.height < 1) {
+    throw py::value_error("size is " + std::to_string(size.first) + ", " +
+                          std::to_string(size.second) + "; expected the image's width and height");
+  }
+  util::requireK("camera", camera, image);
+  util::requirePrincipalPoint("camera", camera, image);
+  constexpr double kLatest = 9e9;  // s; a stamp is an int64 of nanoseconds
+  util::requireInRange("seconds", seconds, -kLatest, kLatest);
   LensCalibration calibration;
-  calibration.image_size = {size.first, size.second};
+  calibration.image_size = image;
   for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera(i / 3, i % 3);
   calibration.rectified_camera = calibration.camera;
   calibration.distortion = std::move(distortion);
@@ -193,7 +203,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
   if (!calibration.distortion.empty()) lens.emplace(calibration);
   const auto stamp = static_cast<std::int64_t>(std::llround(1e9 * seconds));
   const PlanarPoses found = shared.use([&](TargetPose& pose) {
-    return pose.find(target, camera, lens ? &*lens : nullptr, stamp, size.second);
+    return pose.find(target, camera, lens ? &*lens : nullptr, stamp, image.height);
   });
   std::vector<FoundPose> poses;
   poses.reserve(found.poses.size());
@@ -206,8 +216,8 @@ void defineTargetPose(py::module& module) {
   py::class_<SharedPose>(module, "TargetPoses",
                          "Poses of found targets in front of a camera with a lens and a shutter.")
       .def(py::init<double>(), py::arg("readout_time") = -1.0,
-           "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
-           "0: not known.")
+           "readout_time: s from the first row of an image to the last, -0.2 to 0.2; below 0: the "
+           "last row is exposed first;\n0: a global shutter; -1: not known. Raises ValueError.")
       .def("find", findPoses, py::arg("target"), py::arg("camera"), py::arg("size"),
            py::arg("distortion") = std::vector<double>(), py::arg("seconds") = 0.0,
            "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
@@ -221,6 +231,10 @@ using SharedMosaic = Shared<Mosaic>;
 
 std::string placeFrame(SharedMosaic& shared, const py::object& image, const FrameMatch& frame) {
   const ImageArray pixels = imageArray(image, "image");
+  if (pixels.pixels.size() != frame.image_size) {
+    throw py::value_error("image is " + util::text(pixels.pixels.size()) + ", and the frame " +
+                          util::text(frame.image_size) + "; expected the image that was matched");
+  }
   return shared.use([&](Mosaic& mosaic) {
     mosaic.follow(frame.stamp, frame.reference_stamp, homographyOf(frame));
     return toString(mosaic.place(frame.stamp, pixels.pixels));

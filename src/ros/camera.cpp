@@ -4,8 +4,10 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/core/eigen.hpp>
+#include <set>
 #include <sstream>
 #include <stdexcept>
+#include <string>
 
 #include "ktgp_orb/two_view.h"
 #include "util/camera_check.h"
@@ -134,10 +136,12 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size) {
   requireCalibrated(info);
   sensor_msgs::CameraInfo known = info;
-  // Without distortion, the distortion model does not matter, and drivers often leave its name
-  // empty.
+  // Without distortion, drivers often leave the name of the model empty. Other models describe
+  // fisheye lenses, which distort even if all coefficients are zero.
+  const std::set<std::string> pinholes = {"", "none", "pinhole", "plumb_bob",
+                                          "rational_polynomial"};
   const bool distorts =
-      info.distortion_model == "equidistant" ||
+      pinholes.count(info.distortion_model) == 0 ||
       std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });
   if (pixels == Pixels::rectified || !distorts) {
     known.distortion_model = "plumb_bob";
@@ -177,15 +181,6 @@ std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& inf
   } catch (const std::invalid_argument&) {
     return std::nullopt;
   }
-}
-
-void requireReadoutTime(double seconds) {
-  constexpr double kLongest = 0.2;  // s
-  if (seconds == -1.0 || std::abs(seconds) <= kLongest) return;
-  throw std::invalid_argument(
-      "readout_time is " + std::to_string(seconds) +
-      "; expected -1, not known, 0, a global shutter, or up to 0.2 s, below "
-      "0 where the last row is exposed first");
 }
 
 }  // namespace ktgp_orb

@@ -60,10 +60,6 @@ std::optional<Eigen::Matrix3d> cameraIfUsable(const sensor_msgs::CameraInfo& inf
 /// The size of the images that a camera_info describes, px.
 cv::Size imageSize(const sensor_msgs::CameraInfo& info);
 
-/// Throws std::invalid_argument unless `seconds` is a valid readout time of a rolling shutter: -1
-/// (not known), or from -0.2 to 0.2, where negative means that the last row is exposed first.
-void requireReadoutTime(double seconds);
-
 /// The lens for raw images of the size that the camera_info gives. Throws like pixelCamera(), but
 /// does not compare the size with an image.
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);

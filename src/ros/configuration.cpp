@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "util/camera_check.h"
 #include "util/format.h"
 #include "util/options_check.h"
 
@@ -50,7 +51,7 @@ GroundMotionConfig groundMotionDefaults() {
 }
 
 GroundMotionConfig usable(GroundMotionConfig config) {
-  requireReadoutTime(config.readout_time);
+  util::requireReadoutTime(config.readout_time);
   for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
     *frame = util::withoutSlash(*frame);
   }

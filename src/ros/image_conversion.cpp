@@ -102,10 +102,7 @@ const Format& formatOf(const std::string& encoding) {
 }
 
 void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
-  if (image.width == 0 || image.height == 0) {
-    throw RefusedImage("image is empty (" + std::to_string(image.width) + "x" +
-                       std::to_string(image.height) + "); expected at least one pixel");
-  }
+  requirePixels(image);
   if (format.type == CV_8UC2 && image.width % 2 != 0) {
     throw RefusedImage("width is " + std::to_string(image.width) + "; expected an even one for " +
                        image.encoding);
@@ -117,8 +114,8 @@ void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
                        " pixels of " + image.encoding);
   }
   if (image.step % CV_ELEM_SIZE1(format.type) != 0) {
-    throw RefusedImage("step is " + std::to_string(image.step) +
-                       "; expected an even number of bytes for 16-bit pixels");
+    throw RefusedImage("step is " + std::to_string(image.step) + "; expected a multiple of " +
+                       std::to_string(CV_ELEM_SIZE1(format.type)) + " bytes for " + image.encoding);
   }
   const std::size_t total = std::size_t{image.step} * (image.height - 1) + row_bytes;
   if (image.data.size() < total) {
@@ -137,9 +134,12 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   auto* data = const_cast<std::uint8_t*>(image.data.data());
   cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type, data,
                  image.step);
-  if (pixels.elemSize1() != 2 || (image.is_bigendian != 0) == kHostIsBigEndian) return pixels;
+  const std::size_t bytes = pixels.elemSize1();
+  if (bytes == 1 || (image.is_bigendian != 0) == kHostIsBigEndian) return pixels;
   cv::Mat swapped = pixels.clone();
-  for (auto* byte = swapped.data; byte != swapped.dataend; byte += 2) std::swap(byte[0], byte[1]);
+  for (auto* value = swapped.data; value != swapped.dataend; value += bytes) {
+    std::reverse(value, value + bytes);
+  }
   return swapped;
 }
 
@@ -151,14 +151,21 @@ double megapixelsOf(const sensor_msgs::Image& image) {
 }
 
 /// Converts the image to `encoding` with cv_bridge; if `encoding` is empty, the encoding stays.
+/// Accepts all encodings that cv_bridge knows. cv_bridge::toCvShare() would refuse images with
+/// spare bytes, which greyImage() accepts, and return 16-bit pixels of the other byte order as
+/// pairs of bytes.
 cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
                                      const std::string& encoding) {
-  if (message->encoding.rfind(kUndecoded, 0) == 0) formatOf(message->encoding);
-  if (message->width == 0 || message->height == 0) {
-    throw RefusedImage("image is empty; expected at least one pixel");
-  }
+  requirePixels(*message);
   try {
-    return cv_bridge::toCvShare(message, encoding);
+    const Format format{message->encoding, cv_bridge::getCvType(message->encoding), kNoCode};
+    requireConsistent(*message, format);
+    const auto image = boost::make_shared<cv_bridge::CvImage>(message->header, message->encoding,
+                                                              pixelsOf(*message, format));
+    return encoding.empty() ? cv_bridge::CvImageConstPtr(image)
+                            : cv_bridge::CvImageConstPtr(cv_bridge::cvtColor(image, encoding));
+  } catch (const RefusedImage&) {
+    throw;
   } catch (const std::exception& error) {  // cv_bridge::Exception, cv::Exception
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be used: " + error.what());
@@ -238,6 +245,13 @@ cv::Mat decoded(const sensor_msgs::CompressedImage& message) {
 }
 
 }  // namespace
+
+void requirePixels(const sensor_msgs::Image& image) {
+  if (image.encoding.rfind(kUndecoded, 0) == 0) formatOf(image.encoding);
+  if (image.width > 0 && image.height > 0) return;
+  throw RefusedImage("image is empty (" + std::to_string(image.width) + "x" +
+                     std::to_string(image.height) + "); expected at least one pixel");
+}
 
 void requireSmall(const std::string& name, const sensor_msgs::Image& image) {
   const double megapixels = megapixelsOf(image);

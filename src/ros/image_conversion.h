@@ -26,6 +26,9 @@ inline cv::Size sizeOf(const sensor_msgs::Image& image) {
   return {static_cast<int>(image.width), static_cast<int>(image.height)};
 }
 
+/// Throws RefusedImage with the reason if the image has no pixels, as those of undecodedImage().
+void requirePixels(const sensor_msgs::Image& image);
+
 /// Throws RefusedImage if the image of a service request has more than 64 megapixels, because one
 /// request must not need unlimited memory and time.
 void requireSmall(const std::string& name, const sensor_msgs::Image& image);
@@ -46,7 +49,8 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch s
                   cv::Mat& buffer);
 
 /// The image in an encoding whose pixels can be interpolated: Bayer and YUV are converted to bgr8,
-/// other encodings stay unchanged. Throws RefusedImage like greyImage().
+/// other encodings stay unchanged. The pixels are in the byte order of this machine, and valid
+/// while `message` lives. Throws RefusedImage like greyImage().
 cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
 
 /// Returns true if the encoding has 8 bits per channel. Throws RefusedImage for an unknown

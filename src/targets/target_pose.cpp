@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "homography/fit.h"
+#include "util/camera_check.h"
 #include "util/keypoint_position.h"
 
 namespace ktgp_orb {
@@ -110,7 +111,7 @@ void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t
 }
 
 TargetPose::TargetPose(double readout_time) : impl_(std::make_unique<Impl>()) {
-  impl_->readout_time = readout_time;
+  setReadoutTime(readout_time);
 }
 
 TargetPose::~TargetPose() = default;
@@ -118,6 +119,7 @@ TargetPose::TargetPose(TargetPose&&) noexcept = default;
 TargetPose& TargetPose::operator=(TargetPose&&) noexcept = default;
 
 void TargetPose::setReadoutTime(double seconds) {
+  util::requireReadoutTime(seconds);
   impl_->readout_time = seconds;
 }
 

@@ -11,6 +11,7 @@
 #include "files/target_list.h"
 #include "ros/image_conversion.h"
 #include "tools/matcher_cli.h"
+#include "util/camera_check.h"
 #include "util/counted.h"
 
 namespace ktgp_orb::tools {
@@ -59,7 +60,7 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
                        const std::optional<sensor_msgs::CameraInfo>& camera)
     : input_(input), info_topic_(cameraOf(image_topic) + "/camera_info") {
   if (input_.path.empty()) return;
-  requireReadoutTime(input_.readout_time);
+  util::requireReadoutTime(input_.readout_time);
   const auto refused = addTargets(readTargetList(input_.path), finder_);
   for (const std::string& reason : refused) std::cerr << "ktgp_bag: " << reason << '\n';
   refused_ = refused.size();

@@ -58,4 +58,16 @@ void requirePrincipalPoint(std::string_view name, const Matrix& k, const cv::Siz
   throw std::invalid_argument(message.str());
 }
 
+/// Throws std::invalid_argument unless `seconds` can be the readout time of a rolling shutter: the
+/// time from the exposure of the first row to that of the last one. Below 0: the last row comes
+/// first; 0: a global shutter; -1: not known.
+inline void requireReadoutTime(double seconds) {
+  constexpr double kLongest = 0.2;  // s
+  if (seconds == -1.0 || std::abs(seconds) <= kLongest) return;
+  throw std::invalid_argument(
+      "readout_time is " + std::to_string(seconds) +
+      "; expected -1, not known, 0, a global shutter, or up to 0.2 s, below "
+      "0 where the last row is exposed first");
+}
+
 }  // namespace ktgp_orb::util

@@ -224,6 +224,8 @@ class ModuleTest(unittest.TestCase):
         mosaic, sequence = ktgp.Mosaic(), ktgp.Sequence()
         self.assertEqual(mosaic.add(cv2.merge([wide, wide, wide]), sequence.match(wide, 1.0)), 'new_map')
         self.assertEqual(mosaic.image[100, 100, 0], round(wide[100, 100] / 257))
+        with self.assertRaisesRegex(ValueError, 'image is 320x240, and the frame 640x480; expected the image'):
+            mosaic.add(wide[::2, ::2], sequence.match(wide, 2.0))
 
     def test_masked_pixels_have_no_keypoints(self):
         mask = np.zeros((480, 640), np.uint8)
@@ -562,6 +564,15 @@ class ModuleTest(unittest.TestCase):
         self.assertGreater(error([]), 2 * error(distortion))
         with self.assertRaisesRegex(ValueError, 'coefficients'):
             ktgp.TargetPoses().find(found, camera, (640, 480), [0.1])
+        for words, k, size, seconds in (('fx of camera is 1', np.eye(3), (640, 480), 0.0),
+                                        ('principal point at 320, 240, outside', camera, (300, 200), 0.0),
+                                        ('size is 0, 0', camera, (0, 0), 0.0),
+                                        ('seconds is nan', camera, (640, 480), np.nan)):
+            with self.assertRaisesRegex(ValueError, words):
+                ktgp.TargetPoses().find(found, k, size, seconds=seconds)
+        for readout in (-5.0, -0.5, 0.5, np.inf, np.nan):
+            with self.assertRaisesRegex(ValueError, 'readout_time is'):
+                ktgp.TargetPoses(readout)
 
     def test_a_target_says_that_it_looks_like_itself_in_another_pose(self):
         targets = ktgp.Targets()

@@ -220,6 +220,35 @@ TEST(Encodings, SixteenBitsInEitherByteOrder) {
   EXPECT_EQ(difference(greyImage(bytes), grey()), 0.0) << "one byte has no order";
 }
 
+TEST(Encodings, AllReadersOfOneImageAcceptTheSameBytes) {
+  for (const char* name : {"mono16", "bgr16", "bayer_rggb16", "bgr8", "32FC1"}) {
+    cv::Mat pixels;
+    if (std::string(name) == "32FC1") {
+      grey().convertTo(pixels, CV_32F, 0.01);
+    } else {
+      pixels = taken().at(name).pixels;
+    }
+    const auto plain = messageOf(name, pixels);
+    const std::size_t bytes = pixels.elemSize1();
+    const auto other_order = messageOf(name, pixels);
+    for (auto value = other_order->data.begin(); value != other_order->data.end(); value += bytes) {
+      std::reverse(value, value + static_cast<std::ptrdiff_t>(bytes));
+    }
+    other_order->is_bigendian = 1;
+    const auto spare = messageOf(name, pixels, 16);
+    spare->data.resize(spare->data.size() + 64);
+    const auto without_last_padding = messageOf(name, pixels, 16);
+    without_last_padding->data.resize(without_last_padding->data.size() - 16);
+    for (const auto& message : {other_order, spare, without_last_padding}) {
+      EXPECT_EQ(difference(warpableImage(message)->image, warpableImage(plain)->image), 0.0)
+          << name;
+      if (bytes == 4) continue;  // neither the matcher nor a picture can use it
+      EXPECT_EQ(difference(greyImage(message), greyImage(plain)), 0.0) << name;
+      EXPECT_EQ(difference(colourImage(message), colourImage(plain)), 0.0) << name;
+    }
+  }
+}
+
 TEST(Encodings, GreyOnesAreNotCopied) {
   for (const char* name : {"mono8", "8UC1"}) {
     const auto message = messageOf(name, grey());
@@ -849,6 +878,21 @@ TEST(Lens, UncalibratedCameraIsRefused) {
   sensor_msgs::CameraInfo info = calibrated();
   info.distortion_model = "mei";
   expectRefused([&] { lensFrom(info); }, "'mei'; expected");
+}
+
+TEST(Lens, ZerosOfAnUnknownModelMayStillDistort) {
+  sensor_msgs::CameraInfo info = calibrated();
+  const cv::Size size = imageSize(info);
+  info.D.assign(4, 0.0);
+  for (const char* name : {"fisheye", "mei"}) {
+    info.distortion_model = name;
+    expectRefused([&] { pixelCamera(info, Pixels::raw, size); }, "expected plumb_bob");
+    EXPECT_NO_THROW(pixelCamera(info, Pixels::rectified, size));
+  }
+  for (const char* name : {"", "none", "pinhole"}) {
+    info.distortion_model = name;
+    EXPECT_NO_THROW(pixelCamera(info, Pixels::raw, size)) << name;
+  }
 }
 
 TEST(Lens, ImpossibleCalibrationIsRefused) {

@@ -9,6 +9,7 @@ from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, view, wait_until, warm_up
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
 FRAMES = 70
 
@@ -104,6 +105,19 @@ class StabilizerTest(unittest.TestCase):
         difference = np.abs(again.astype(int) - pixels(steady)[:, :, 0])
         self.assertLess(difference.mean(), 1.0)
         self.assertGreater(np.abs(h - np.eye(3)).max(), 1.0, 'else it shows nothing')
+
+    def test_an_image_without_pixels_is_counted_and_breaks_no_path(self):
+        def refused():
+            return int(self.diagnostics.values('stabilizer: input')[-1].get('refused', 0))
+
+        for i in range(5):
+            self.send(view(300 + 4 * i, 300))
+        wait_until(self.counts, 'the stabilizer reports')
+        restarts, before = self.diagnostics.values('stabilizer: frames')[-1]['restarts'], refused()
+        self.camera.send(Image(header=Header(stamp=self.camera.next_stamp()), encoding='mono8'))
+        self.send(view(324, 300))
+        wait_until(lambda: refused() > before, 'the image without pixels is counted')
+        self.assertEqual(self.diagnostics.values('stabilizer: frames')[-1]['restarts'], restarts)
 
     def test_no_camera_info_that_is_not_that_of_the_image(self):
         names = {name for name, _ in rospy.get_published_topics('/camera/stabilizer')}
