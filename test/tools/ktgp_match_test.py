@@ -64,6 +64,11 @@ class KtgpMatch(PairCase):
     def write_image(self, name, pixels):
         self.assertTrue(cv2.imwrite(self.path(name), pixels))
 
+    def test_it_starts_without_the_hundred_libraries_of_videos(self):
+        libraries = subprocess.check_output(["ldd", os.path.join(TOOLS, "ktgp_match")], universal_newlines=True)
+        self.assertIn("libopencv_imgcodecs", libraries)
+        self.assertNotIn("libopencv_videoio", libraries)
+
     def test_the_default_finds_a_tilted_view_that_the_paper_s_chain_does_not(self):
         tilt = np.float32([[0.25, -0.3, 120], [0.12, 0.75, 10], [0, 0, 1]])
         self.write_image("tilted.png", cv2.warpPerspective(self.grey("a.pgm"), tilt, (WIDTH, HEIGHT),
