@@ -89,13 +89,60 @@ std::size_t imagesIn(const std::string& path) {
   return count;
 }
 
+/// How to find out whether a video lacks images.
+enum class Container {
+  counted,   ///< MP4, MOV and AVI store the number of images
+  matroska,  ///< stores its own length in bytes
+  other      ///< OpenCV estimates the number of images from the length in seconds and a usual rate
+};
+
+Container containerOf(const std::string& path) {
+  constexpr char kMatroska[] = "\x1A\x45\xDF\xA3";
+  std::string first(8, '\0');
+  std::ifstream(path).read(&first[0], 8);
+  if (first.rfind(kMatroska, 0) == 0) return Container::matroska;
+  if (first.rfind("RIFF", 0) == 0) return Container::counted;
+  for (const char* box : {"ftyp", "moov", "mdat", "wide", "free", "skip"}) {
+    if (first.compare(4, 4, box) == 0) return Container::counted;
+  }
+  return Container::other;
+}
+
+/// Returns true if a Matroska file has fewer bytes than the header of its segment says. A recorder
+/// that was killed, or wrote to a pipe, left no such number.
+bool isCutMatroska(const std::string& path) {
+  std::string bytes(4096, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(&bytes[0], static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  // An element is an ID of four bytes, its size, and its data. The leading zeros of the first byte
+  // of a size are the number of the bytes that follow it. If all other bits are ones, the size is
+  // not known.
+  std::size_t at = 0;
+  const auto readSize = [&]() -> std::optional<std::uint64_t> {
+    at += 4;
+    std::size_t more = 0;
+    while (at < bytes.size() && more < 8 && (bytes[at] << more & 0x80) == 0) ++more;
+    if (more > 7 || at + more >= bytes.size()) return std::nullopt;
+    std::uint64_t size = static_cast<std::uint8_t>(bytes[at]) & (0x7FU >> more);
+    for (std::size_t i = 1; i <= more; ++i)
+      size = size << 8U | static_cast<std::uint8_t>(bytes[at + i]);
+    at += more + 1;
+    return size + 1 == std::uint64_t{1} << 7 * (more + 1) ? std::nullopt : std::make_optional(size);
+  };
+  const std::optional<std::uint64_t> header = readSize();
+  if (!header || *header > bytes.size()) return false;
+  at += *header;
+  if (bytes.compare(std::min(at, bytes.size()), 4, "\x18\x53\x80\x67") != 0) return false;
+  const std::optional<std::uint64_t> segment = readSize();
+  std::error_code none;
+  return segment && std::filesystem::file_size(path, none) < at + *segment;
+}
+
 class Video : public ImageSource {
  public:
   Video(const std::string& path, const BagSelection& selection, double rate)
-      : path_(path),
-        selection_(selection),
-        rate_(rate),
-        is_matroska_(beginsWith(path, "\x1A\x45\xDF\xA3")) {
+      : path_(path), selection_(selection), rate_(rate) {
     refuseTopic(path, selection);
     if (!std::ifstream(path)) throw UnusableBag(path + " cannot be opened");
     if (!opened(path, video_)) {
@@ -131,18 +178,21 @@ class Video : public ImageSource {
   std::string damage() const override {
     if (!is_damaged_) return {};
     return "the video is damaged or cut off: " + std::to_string(read_) + " of " +
-           std::to_string(in_file_) + " images could be read";
+           std::to_string(std::max(in_file_, read_)) + " images could be read";
   }
 
  private:
-  /// Returns true if the last image comes clearly before the end of a Matroska file; for other
-  /// files, always returns true. We need this check because a Matroska file does not store the
-  /// number of images: OpenCV estimates it from the length and the usual rate, which is wrong if
-  /// the rate varies.
+  /// Returns true if the last image comes clearly before the end of the video.
   bool endsEarly() const {
     constexpr double kTolerance = 0.02;
     const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
-    return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
+    return (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
+  }
+  bool lacksImages() const {
+    const Container container = containerOf(path_);
+    if (container == Container::matroska) return isCutMatroska(path_);
+    return isTooFew(read_) && (container == Container::counted || endsEarly()) &&
+           isTooFew(imagesIn(path_));
   }
 
   /// Returns true if `images` is clearly fewer than the file declares. Some files give only an
@@ -164,7 +214,7 @@ class Video : public ImageSource {
       if (!video_.retrieve(image) || image.empty()) continue;
       return recorded(image, stampOf(seconds));
     }
-    is_damaged_ = isTooFew(read_) && endsEarly() && isTooFew(imagesIn(path_));
+    is_damaged_ = lacksImages();
     return std::nullopt;
   }
 
@@ -200,7 +250,6 @@ class Video : public ImageSource {
   double last_ = 0.0;  // time of the last grabbed image, s
   std::size_t in_file_ = 0;
   std::size_t read_ = 0;
-  bool is_matroska_;
   bool is_damaged_ = false;
 };
 

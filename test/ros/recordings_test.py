@@ -105,6 +105,15 @@ class VideoTest(RecordingCase):
                            words=images_of(late) if late else 'no readable image in the selected time')
 
     @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
+    def test_a_video_that_begins_late_or_has_few_images_a_second_is_whole(self):
+        self.film('in.mp4', '-c:v', 'libx264')
+        self.run_program('ffmpeg', '-v', 'error', '-itsoffset', '5', '-i', 'in.mp4', '-c', 'copy', 'late.mkv')
+        self.film('few.ts', '-c:v', 'libx264', '-bf', '0', '-vf', "select='not(mod(n,3))'", '-vsync', 'vfr')
+        for name in ('late.mkv', 'few.ts'):
+            run = self.match(name, 'out.bag', '--force', words=images_of(len(self.probed(name))))
+            self.assertNotIn('damaged', run.stderr, name)
+
+    @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
     def test_a_video_that_was_cut_off_is_called_so(self):
         self.film('in.mkv', '-c:v', 'libx264')
         self.damage('in.mkv', 0.5)
