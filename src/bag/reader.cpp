@@ -52,7 +52,7 @@ class BagImages : public ImageSource {
         try {
           return RecordedImage{decodedImage(*compressed), message->received};
         } catch (const RefusedImage& error) {
-          return RecordedImage{nullptr, message->received, error.what()};
+          return RecordedImage{nullptr, message->received, error.what(), compressed->header.stamp};
         }
       }
       messages_.reject("an image message at " + std::to_string(message->received.toSec()) +

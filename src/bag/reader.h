@@ -109,6 +109,7 @@ struct RecordedImage {
   sensor_msgs::ImageConstPtr image;  ///< null if the image cannot be decoded
   ros::Time received;
   std::string problem{};  ///< reason why `image` is null
+  ros::Time stamp{};      ///< stamp of the image if `image` is null; zero: not known
 };
 
 /// The images of a recording (one topic of a bag, a video, or picture files) in the order of their

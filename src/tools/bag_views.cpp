@@ -115,7 +115,7 @@ void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stam
     frames_.push_back({stamp, frame.size(), step, 0});
     return;
   }
-  waiting_[stamp] = {frame.clone(), step, 0};
+  waiting_.push_back({frame.clone(), step, 0});
   stabilizer_.add(stamp, reference, homography, frame.size(), ready_);
   writeReady();
 }
@@ -124,7 +124,7 @@ void SteadyVideo::repeat() {
   if (options_.whole) {
     if (!frames_.empty()) ++frames_.back().repeats;
   } else if (!waiting_.empty()) {
-    ++waiting_.rbegin()->second.repeats;
+    ++waiting_.back().repeats;
   } else if (!picture_.empty()) {
     video_.write(picture_);
   }
@@ -132,8 +132,8 @@ void SteadyVideo::repeat() {
 
 void SteadyVideo::writeReady() {
   for (const SteadyFrame& steady : ready_) {
-    write(steady, waiting_[steady.stamp]);
-    waiting_.erase(steady.stamp);
+    write(steady, waiting_.front());
+    waiting_.pop_front();
   }
   ready_.clear();
 }

@@ -7,8 +7,8 @@
 #include <CLI/CLI.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -107,8 +107,9 @@ class SteadyVideo {
   std::vector<Frame> frames_;  ///< all frames of the recording
 
   Stabilizer stabilizer_;
-  /// Frames that wait until the stabilizer returns their homography. The key is the stamp, ns.
-  std::map<std::int64_t, Waiting> waiting_;
+  /// Frames that wait until the stabilizer returns their homographies, which it does in the order
+  /// of add(). Stamps do not identify them: several images may have the same stamp.
+  std::deque<Waiting> waiting_;
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;

@@ -147,7 +147,8 @@ template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
   message.header.seq = sequence_[topic]++;  // number the messages of a topic, as a publisher does
   try {
-    bag_->write(topic, time, message);
+    // A recorded time may be zero, which rosbag does not write.
+    bag_->write(topic, std::max(ros::TIME_MIN, time), message);
   } catch (const rosbag::BagException& error) {
     files::throwUnwritable(bag_file_, error.what());
   }

@@ -86,13 +86,16 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   return openBag(arguments.in, arguments.selection);
 }
 
-/// The camera_info made from --camera and the size of the first image; empty without the option.
+/// The camera_info made from --camera and the size of the first usable image; empty without the
+/// option.
 std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   const auto camera = cameraFrom(arguments.camera);
   if (!camera) return std::nullopt;
   sensor_msgs::CameraInfo info;
-  const auto first = openInput(arguments)->next();
-  if (!first || !first->image) return std::nullopt;  // run() will report it
+  const auto images = openInput(arguments);
+  auto first = images->next();
+  while (first && !first->image) first = images->next();
+  if (!first) return std::nullopt;  // no image can be used; run() will report it
   info.width = first->image->width;
   info.height = first->image->height;
   info.distortion_model = "plumb_bob";
@@ -108,11 +111,33 @@ std::string outputNames(const std::string& name, const std::string& topic, const
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
+/// The usual rate of the first images of a bag, 1/s; 0 if their stamps do not tell.
+double rateOfBag(const Arguments& arguments) {
+  constexpr int kImages = 30;
+  const auto images = openInput(arguments);
+  std::vector<double> steps;
+  ros::Time last;
+  for (int i = 0; i < kImages; ++i) {
+    const auto recorded = images->next();
+    if (!recorded) break;
+    if (!recorded->image) continue;
+    const ros::Time stamp = recorded->image->header.stamp;
+    if (!last.isZero() && stamp > last) steps.push_back((stamp - last).toSec());
+    last = stamp;
+  }
+  if (steps.empty()) return 0.0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  // MPEG-4 stores a rate as a ratio of two 16-bit numbers, so two decimals must be enough.
+  return std::clamp(std::round(100.0 / *middle) / 100.0, 1.0, 240.0);
+}
+
 /// Images per second in the written videos.
 double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
-  const bool video = kindOf(arguments.in) == InputKind::video;
-  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
+  const InputKind kind = kindOf(arguments.in);
+  double rate = kind == InputKind::video ? rateOfVideo(arguments.in) : 0.0;
+  if (kind == InputKind::bag) rate = rateOfBag(arguments);
   return rate > 0.0 ? rate : arguments.views.rate;
 }
 
@@ -297,7 +322,7 @@ class Run {
     } catch (const RefusedImage& error) {
       if (refused_++ == 0) refusal_ = error.what();
       std_msgs::Header header;
-      header.stamp = recorded.received;
+      header.stamp = recorded.stamp.isZero() ? recorded.received : recorded.stamp;
       writer_.writeUnused(recorded.image ? recorded.image->header : header, "refused",
                           error.what());
     }
@@ -330,6 +355,7 @@ class Run {
       drawn_ = cv_bridge::toCvCopy(picture)->image;
       drawing_->write(drawn_);
     }
+    views_.add(recorded.image, *messages.homography);  // may refuse the image
     writer_.write(messages, recorded.received);
     ++matched_;
     const cv::Size size = frame->image.size();
@@ -340,7 +366,6 @@ class Run {
       gaps_.push_back(secondsBetween(last_stamp_, stamp));
     last_stamp_ = stamp;
     if (!is_fixed_ && matched.match.match.hasStillThings()) ++with_still_things_;
-    views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, sizeOf(*recorded.image));
     const TargetDetectionsPtr detections = targets_.find(recorded.image);
     writer_.write(detections_topic_, detections, recorded.received);
@@ -472,6 +497,9 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
+  if (files::isStandardOutput(arguments.out)) {
+    throw files::FileError(arguments.out, "is the standard output; expected a file for OUT.bag");
+  }
   plan.write(arguments.out);
   plan.write(arguments.csv);
   plan.writeVideo(arguments.draw);

@@ -111,6 +111,69 @@ class BagInputsTest(FolderCase):
             times = [m.header.stamp.to_sec() for m in self.output('statistics')]
             np.testing.assert_allclose(times, 1000 + np.arange(FRAMES) / 30, atol=1e-6)
 
+    def test_images_with_spare_bytes_are_used_by_all_outputs(self):
+        def wide(image):
+            grey = np.frombuffer(image.data, np.uint8).reshape(SIZE[::-1])
+            return image_message(np.dstack([grey] * 3), image.header.stamp, 'bgr8')
+
+        def spare(image):
+            image = wide(image)
+            image.data += bytes(64)
+            return image
+
+        def without_last_padding(image):
+            image = wide(image)
+            rows = np.frombuffer(image.data, np.uint8).reshape(SIZE[1], -1)
+            image.step += 32
+            image.data = np.pad(rows, ((0, 0), (0, 32)), mode='constant').tobytes()[:-32]
+            return image
+
+        for convert in (spare, without_last_padding):
+            self.run_bag(self.write_bag(convert=convert), '--mosaic', 'map.png', '--stabilize', 'v.mp4', words=(
+                'matched, 0 refused', '%d homographies' % (FRAMES - 1), '%d frames, 0 of them lost' % FRAMES))
+
+    def test_different_images_may_have_one_stamp(self):
+        stamps = [1000 + i / 30 for i in (0, 1, 2, 2, 3, 4, 4, 5, 6, 7, 8, 9)]
+        self.run_bag(self.write_bag(stamps=stamps), '--stabilize', 'v.mp4', '--stabilizer_lag', '3')
+        self.assertEqual(cv2.VideoCapture(self.path('v.mp4')).get(cv2.CAP_PROP_FRAME_COUNT), FRAMES)
+
+    def test_videos_have_the_rate_of_the_bag(self):
+        for rate in (10.0, 60.0):
+            self.run_bag(self.write_bag(rate=rate), '--stabilize', 'v.mp4', '--draw', 'd.mp4')
+            for name in ('v.mp4', 'd.mp4'):
+                self.assertAlmostEqual(cv2.VideoCapture(self.path(name)).get(cv2.CAP_PROP_FPS), rate, delta=0.1)
+
+    def test_the_given_camera_holds_if_the_first_image_is_damaged(self):
+        def cut(image):
+            message = compressed(image)
+            if image.header.stamp.nsecs == 0:
+                message.data = message.data[:len(message.data) // 2]
+            return message
+
+        cv2.imwrite(self.path('target.png'), view(110, 90, 200, 150))
+        with open(self.path('targets.yaml'), 'w') as file:
+            file.write('- {id: target, image: target.png, width: 0.2}\n')
+        self.run_bag(self.write_bag(topic='/front/image/compressed', convert=cut), '--targets', 'targets.yaml',
+                     '--camera', '500,500,160,120', code=1)
+        detections = [detection for message in messages_of(self.path('out.bag'), '/front/targets/detections')
+                      for detection in message.detections]
+        self.assertEqual(len(detections), FRAMES - 1)
+        for detection in detections:  # 0.2 m are 200 px
+            self.assertAlmostEqual(detection.pose.pose.position.z, 0.5, delta=0.005)
+
+    def test_a_recorded_time_of_zero_does_not_end_the_run(self):
+        class Written(rospy.Time):
+            def __bool__(self):  # rosbag takes the time of day for a time that is false
+                return True
+
+        with rosbag.Bag(self.path('in.bag'), 'w') as bag:
+            for i, picture in enumerate(views(FRAMES)):
+                bag.write('/front/image', image_message(picture, rospy.Time.from_sec(1000 + i / 30)), Written(0, i))
+        self.run_bag('in.bag', words='%d homographies' % (FRAMES - 1))
+
+    def test_the_output_bag_is_a_file(self):
+        self.run_program(os.environ['KTGP_ORB_BAG'], self.write_bag(), '-', code=2, words='expected a file for OUT.bag')
+
     def test_the_calibration_may_come_late(self):
         """A driver that has none at first sends zeros."""
         with rosbag.Bag(self.path('in.bag'), 'w') as bag:
