@@ -78,7 +78,7 @@ struct PointArrays {
   static constexpr int kMostCells = 64;
   /// Largest number of cells if all points are in the image and the side is a 16th of its diagonal.
   /// Buffers have at least this size, so that they do not grow from frame to frame.
-  static constexpr std::size_t kUsualCells = 17 * 17;
+  static constexpr std::size_t kUsualCells = std::size_t{17} * 17;
   /// Divides the bounding box of the reference points into cells with the given side, at most
   /// kMostCells along each axis, and sets cell[i] to the index of the cell of reference point i.
   /// There must be at least one pair.

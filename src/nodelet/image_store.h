@@ -18,7 +18,7 @@ class ImageStore {
  public:
   static constexpr std::size_t kImages = 40;  // one second at 40 images per second
   static constexpr std::size_t kLeast = 4;
-  static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
+  static constexpr std::size_t kBytes = 256000000;  // 7 colour images of 12 megapixels
 
   /// Raises the limits kImages and kLeast by `images`. Call this in a nodelet that calls take() for
   /// an image only `images` frames later. Takes effect with the next image.

@@ -253,7 +253,8 @@ GridPoints gridOf(const cv::Size& size) {
 util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& homography) {
   util::SmallMatrix jacobian(2 * kGridPoints, 8);
   for (int i = 0; i < kGridPoints; ++i) {
-    jacobian.middleRows<2>(2 * i) = homography::jacobianByEntries(homography, points.at(i));
+    jacobian.middleRows<2>(Eigen::Index{2} * i) =
+        homography::jacobianByEntries(homography, points.at(i));
   }
   return jacobian;
 }
@@ -268,7 +269,8 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   for (int step = 0; step < kSteps; ++step) {
     util::SmallMatrix rest(2 * kGridPoints, 1);
     for (int i = 0; i < kGridPoints; ++i) {
-      rest.middleRows<2>(2 * i) = wanted.at(i) - homography::project(homography, points.at(i));
+      rest.middleRows<2>(Eigen::Index{2} * i) =
+          wanted.at(i) - homography::project(homography, points.at(i));
     }
     const util::SmallMatrix change = util::leastSquares(jacobian, rest).solution;
     for (int i = 0; i < 8; ++i) homography(i / 3, i % 3) += change(i);
@@ -361,8 +363,8 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
     if (!(passed > std::abs(late))) return now;
     const double share = late / passed;
     moved.at(i) = here - share * (here - there);
-    by_now.middleRows<2>(2 * i) *= 1.0 - share;
-    by_before.middleRows<2>(2 * i) *= share;
+    by_now.middleRows<2>(Eigen::Index{2} * i) *= 1.0 - share;
+    by_before.middleRows<2>(Eigen::Index{2} * i) *= share;
   }
   UncertainHomography answer = now;
   const util::SmallMatrix by_answer = approach(points, moved, answer.homography);
