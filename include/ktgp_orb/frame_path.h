@@ -29,6 +29,9 @@ class FramePath {
   /// The homography that maps frame `from` to frame `to`; empty if one of the frames is not stored.
   std::optional<Eigen::Matrix3d> between(std::int64_t from, std::int64_t to) const;
 
+  /// True if the homography is finite and can be inverted; add() takes others for none.
+  static bool isUsable(const Eigen::Matrix3d& homography);
+
   void clear();
 
   struct Step {

@@ -14,11 +14,11 @@ Eigen::Matrix3d scaled(const Eigen::Matrix3d& h) {
   return h / h.cwiseAbs().maxCoeff();
 }
 
-bool isUsable(const Eigen::Matrix3d& h) {
-  return h.allFinite() && std::abs(scaled(h).determinant()) > 1e-12;
-}
-
 }  // namespace
+
+bool FramePath::isUsable(const Eigen::Matrix3d& homography) {
+  return homography.allFinite() && std::abs(scaled(homography).determinant()) > 1e-12;
+}
 
 FramePath::FramePath(std::size_t length) : length_(length) {
   if (length == 0) throw std::invalid_argument("length of a path is 0; expected at least 1");

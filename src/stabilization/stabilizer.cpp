@@ -126,7 +126,7 @@ void Stabilizer::add(std::int64_t stamp, std::int64_t reference_stamp,
     size_ = size;
   }
   const bool known = path_.between(reference_stamp, reference_stamp).has_value();
-  const bool connected = homography && known;
+  const bool connected = homography && FramePath::isUsable(*homography) && known;
   if (!connected) flush(ready);
   path_.add(stamp, reference_stamp, homography);
   if (!connected) {

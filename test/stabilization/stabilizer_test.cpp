@@ -206,6 +206,23 @@ TEST(Stabilizer, GivesTheSameWithAKeyframeAsReference) {
   }
 }
 
+TEST(Stabilizer, AHomographyOfZerosIsNone) {
+  const Steps whole = stepsOf(shakingFlight(30, 2.0));
+  Steps zeros = whole;
+  Steps without = whole;
+  zeros[15] = Eigen::Matrix3d::Zero();
+  without[15].reset();
+  StabilizerOptions options;
+  options.lag = 3;
+  const std::vector<SteadyFrame> expected = stabilized(without, options);
+  const std::vector<SteadyFrame> ready = stabilized(zeros, options);
+  ASSERT_EQ(ready.size(), expected.size());
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    EXPECT_EQ(ready[i].starts_anew, i == 0 || i == 15) << i;
+    EXPECT_EQ(ready[i].warp, expected[i].warp) << i;
+  }
+}
+
 TEST(Stabilizer, AnotherSizeStartsAnew) {
   Stabilizer stabilizer;
   std::vector<SteadyFrame> ready;
