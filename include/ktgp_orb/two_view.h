@@ -76,10 +76,12 @@ struct TwoViewOptions {
   /// epipolar geometry, the largest Sampson distance of an inlier is half of this value, since the
   /// Sampson distance contains the errors in both images.
   double max_error = 3.0;
-  int max_iterations = 1000;   ///< maximum number of samples of each search, 1..1000000
-  double confidence = 0.995;   ///< probability that no better model was missed, in (0, 1)
-  std::uint64_t seed = 1;      ///< random seed of the sampling; the same seed gives the same answer
-  bool homography = true;      ///< if false, only an epipolar geometry is searched for
+  int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
+  double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
+  std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
+  /// If false, only an epipolar geometry is an answer. The dominant plane is searched for all the
+  /// same: where it explains the pairs, they do not determine an epipolar geometry.
+  bool homography = true;
   SharedErrors shared_errors;  ///< none by default; see SharedErrors::ofRealCameras
   /// Only for TwoViewMatcher: if true, refines the points by aligning image patches, provided that
   /// the features have images.

@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "util/constants.h"
 #include "util/small_matrix.h"
 
 namespace ktgp_orb::two_view {
@@ -205,6 +206,10 @@ float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
 /// Sets models_ to the geometries that the sample allows. With cameras, all points of the sample
 /// must be in front of both cameras. Without cameras, all epipolar lines must have the same
 /// orientation (Chum, Werner & Matas, ICPR 2004).
+namespace {
+constexpr std::size_t kMostTried = 256;  // solutions of about 60 samples of five pairs
+}  // namespace
+
 void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
   models_.clear();
   Eigen::Matrix<double, 3, 7> reference;
@@ -219,7 +224,9 @@ void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
       for (const RelativePose& motion : motionsOf(essential)) {
         int front = 0;
         for (int k = 0; k < 5; ++k) front += inFront(motion, reference.col(k), target.col(k));
-        if (front == 5) models_.push_back(pairs_->fromMotion(motion));
+        if (front < 5) continue;
+        models_.push_back(pairs_->fromMotion(motion));
+        if (tried_.size() < kMostTried) tried_.push_back(motion);
       }
     }
     return;
@@ -234,6 +241,35 @@ void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
     }
     if (positive == 0 || positive == 7) models_.push_back(model);
   }
+}
+
+double apart(const RelativePose& a, const RelativePose& b) {
+  const double turn = Eigen::AngleAxisd(a.rotation * b.rotation.transpose()).angle();
+  const double cosine = a.translation.dot(b.translation);
+  return std::max(turn, std::acos(std::clamp(cosine, -1.0, 1.0)));
+}
+
+const std::vector<Epipolar>& EpipolarProblem::rivalsOf(const Epipolar& best) {
+  constexpr std::size_t kMost = 6;
+  constexpr double kApart = 5.0 * util::kPi / 180.0;
+  scored_.clear();
+  rivals_.clear();
+  for (const RelativePose& motion : tried_) {
+    const Epipolar model = pairs_->fromMotion(motion);
+    scored_.emplace_back(costOf(*pairs_, model, std::numeric_limits<float>::infinity()), model);
+  }
+  std::stable_sort(scored_.begin(), scored_.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [cost, model] : scored_) {
+    if (rivals_.size() == kMost) break;
+    const auto is_near = [&motion = model.motion](const Epipolar& other) {
+      return apart(other.motion, motion) < kApart;
+    };
+    if (!is_near(best) && std::none_of(rivals_.begin(), rivals_.end(), is_near)) {
+      rivals_.push_back(model);
+    }
+  }
+  return rivals_;
 }
 
 std::size_t EpipolarProblem::findInliers(const Epipolar& model,

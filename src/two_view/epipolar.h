@@ -165,6 +165,9 @@ class EpipolarFit {
   int left_out_ = -1;       // group that select() leaves out; -1: none
 };
 
+/// The larger of two angles, rad: between the translations, and between the rotations.
+double apart(const RelativePose& a, const RelativePose& b);
+
 /// Sum of the squared Sampson distances, each at most limit². Stops when the sum exceeds `give_up`.
 float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up);
 
@@ -177,6 +180,7 @@ class EpipolarProblem {
   void setPairs(const EpipolarPairs& pairs) {
     pairs_ = &pairs;
     fit_.setPairs(pairs);
+    tried_.clear();
   }
   std::size_t size() const { return pairs_->size(); }
   std::size_t sampleSize() const { return static_cast<std::size_t>(pairs_->freedom()); }
@@ -190,6 +194,10 @@ class EpipolarProblem {
     return fit_.step(widening * pairs_->limit, model);
   }
   std::size_t findInliers(const Epipolar& model, std::vector<std::uint8_t>& inlier) const;
+  /// The best motions among the solutions of the samples since setPairs() that clearly differ from
+  /// `best` and from each other. The search keeps only the best motion, and if all points lie on a
+  /// few straight edges, another motion may fit as well. Valid until the next call.
+  const std::vector<Epipolar>& rivalsOf(const Epipolar& best);
 
  private:
   void solve(const estimation::ProsacSample& sample);
@@ -198,6 +206,9 @@ class EpipolarProblem {
   EpipolarFit fit_;
   std::vector<Eigen::Matrix3d> solutions_;  // essential or fundamental matrices of a sample
   std::vector<Epipolar> models_;
+  std::vector<RelativePose> tried_;                 // solutions of the samples, if K is known
+  std::vector<std::pair<float, Epipolar>> scored_;  // buffers of rivalsOf()
+  std::vector<Epipolar> rivals_;
 };
 
 }  // namespace ktgp_orb::two_view

@@ -20,12 +20,6 @@ constexpr double kDensity = 0.375;
 
 }  // namespace
 
-double apart(const RelativePose& a, const RelativePose& b) {
-  const double turn = Eigen::AngleAxisd(a.rotation * b.rotation.transpose()).angle();
-  const double cosine = a.translation.dot(b.translation);
-  return std::max(turn, std::acos(std::clamp(cosine, -1.0, 1.0)));
-}
-
 void Hypotheses::load(const EpipolarPairs& pairs, double cell, double range, const Epipolar& found,
                       const Eigen::Matrix3d* plane) {
   pairs_ = &pairs;

@@ -75,7 +75,4 @@ class Hypotheses {
   std::vector<Hypothesis> list_;
 };
 
-/// The larger of two angles, rad: between the translations, and between the rotations.
-double apart(const RelativePose& a, const RelativePose& b);
-
 }  // namespace ktgp_orb::two_view

@@ -117,6 +117,42 @@ Eigen::Matrix3d changed(const Eigen::Matrix3d& homography,
   return rows;
 }
 
+namespace {
+
+/// Derivative of the first eight entries of `h`, the homography of `rotation`, with respect to
+/// small rotations about the target camera's axes.
+Eigen::Matrix<double, 8, 3> entriesByTurn(const Eigen::Matrix3d& h, const Cameras& cameras,
+                                          const Eigen::Matrix3d& rotation) {
+  Eigen::Matrix<double, 8, 3> by_turn;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Matrix3d change = crossed(Eigen::Vector3d::Unit(i)) * rotation;
+    by_turn.col(i) = changeOfEntries(h, cameras.target * change * cameras.reference_inverse);
+  }
+  return by_turn;
+}
+
+}  // namespace
+
+std::optional<double> sidewaysOf(const Eigen::Matrix3d& homography,
+                                 const Eigen::Matrix<double, 8, 8>& covariance,
+                                 const Cameras& cameras, const Eigen::Matrix3d& rotation) {
+  const std::optional<util::SmallMatrix> whitening = util::whiteningOf(covariance);
+  if (!whitening) return std::nullopt;
+  const Eigen::Matrix3d h = cameras.homographyOf(rotation);
+  Eigen::Matrix<double, 8, 5> by_motion;
+  by_motion.leftCols<3>() = entriesByTurn(h, cameras, rotation);
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Matrix3d change = Eigen::Vector3d::Unit(i) * Eigen::RowVector3d::UnitZ();
+    by_motion.col(3 + i) = changeOfEntries(h, cameras.target * change * cameras.reference_inverse);
+  }
+  const Eigen::Matrix<double, 8, 1> off = util::entriesOf(homography) - util::entriesOf(h);
+  const util::SmallMatrix slope = *whitening * by_motion;
+  const util::SmallMatrix motion = util::leastSquares(slope, *whitening * off).solution;
+  const util::SmallMatrix unsure = util::inverseOf(slope.transpose() * slope);
+  return std::sqrt(0.5 *
+                   (motion(3) * motion(3) + motion(4) * motion(4) + unsure(3, 3) + unsure(4, 4)));
+}
+
 std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
                                        const Eigen::Matrix<double, 8, 8>& covariance,
                                        const Cameras& cameras, const Eigen::Matrix3d& start) {
@@ -126,13 +162,9 @@ std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
   NearestTurn nearest{start, Eigen::Matrix3d::Zero()};
   for (int round = 0; round < kRounds; ++round) {
     const Eigen::Matrix3d h = cameras.homographyOf(nearest.rotation);
-    Eigen::Matrix<double, 8, 3> by_turn;
-    for (int i = 0; i < 3; ++i) {
-      const Eigen::Matrix3d change = crossed(Eigen::Vector3d::Unit(i)) * nearest.rotation;
-      by_turn.col(i) = changeOfEntries(h, cameras.target * change * cameras.reference_inverse);
-    }
     const Eigen::Matrix<double, 8, 1> off = util::entriesOf(homography) - util::entriesOf(h);
-    const Eigen::Matrix<double, 8, 3> slope = *whitening * by_turn;
+    const Eigen::Matrix<double, 8, 3> slope =
+        *whitening * entriesByTurn(h, cameras, nearest.rotation);
     const util::LeastSquares step = util::leastSquares(slope, *whitening * off);
     nearest.rotation = turned(step.solution, nearest.rotation);
     nearest.covariance = (slope.transpose() * slope).inverse();

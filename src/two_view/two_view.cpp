@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 #include "estimation/false_alarms.h"
 #include "estimation/prosac.h"
@@ -36,6 +38,15 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// Lower limit of the distances from the epipolar line, px. Without it, exact points would make any
 /// model significant.
 constexpr double kLeastDistance = 0.5;
+
+void requireDeviations(const std::vector<double>& deviations, std::size_t pairs) {
+  if (deviations.size() != pairs) {
+    throw std::invalid_argument("deviations has " + std::to_string(deviations.size()) +
+                                " numbers; expected one for each of " + std::to_string(pairs) +
+                                " pairs");
+  }
+  for (const double each : deviations) requireInRange("a deviation", each, 1e-6, 1e6);
+}
 
 /// Reorders `values`, which must not be empty.
 double medianOf(std::vector<double>& values) {
@@ -98,9 +109,11 @@ struct TwoViewEstimator::Impl {
   /// epipole. `f`: fundamental matrix in px. `chance`: above 1 for pairs that do not agree with it,
   /// as judgeEpipolar() sets it; overwritten.
   double logFalseParallax(const PointPairs& pairs, const Eigen::Matrix3d& f);
-  Covariance6 turnCovariance() const;
+  Covariance6 turnCovariance(const PointPairs& pairs) const;
   static void refuse(Doubt doubt, TwoView& result);
   static bool isMirrored(const PointPairs& pairs, const TwoView& result);
+  Eigen::Matrix<double, 8, 8> planeCovariance(const PointPairs& pairs,
+                                              const two_view::SharedShifts& errors) const;
   Eigen::Matrix<double, 8, 8> poorCovariance(const PointPairs& pairs,
                                              const TwoViewInput& input) const;
   void doubtRepetition(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
@@ -163,6 +176,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
                                       TwoView& result) {
   constexpr double kMostFalseAlarms = -20.0;  // log10
   homography::requireFinite(pairs);
+  if (input.deviations != nullptr) requireDeviations(*input.deviations, pairs.size());
   cameras = two_view::camerasOf(input);
   util::resetKeeping(&TwoView::mask, result);
   result.mask.assign(pairs.size(), 0);
@@ -172,10 +186,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
     result.status = Status::too_few_matches;
     return;
   }
-  plane.status = Status::no_model;
-  if (options.homography) {
-    prosac.estimate(pairs, input.reference_size, input.homography, plane);
-  }
+  prosac.estimate(pairs, input.reference_size, input.homography, plane);
   target_area = estimation::coveredArea(pairs.target);
   shared = two_view::SharedShifts(options.shared_errors, pairs, input, cameras);
   support.load(pairs, options.max_error);
@@ -191,7 +202,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   const double log_homography = std::min(log_plane, log_rotation);
   result.log_false_alarms_homography = log_homography;
   result.log_false_alarms_epipolar = log_epipolar;
-  if (has_plane) result.homography = plane.answer.homography;
+  if (has_plane && options.homography) result.homography = plane.answer.homography;
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
     if (setEpipolar(pairs, input, result)) {
       if (isMirrored(pairs, result)) return refuse(Doubt::mirrored, result);
@@ -201,6 +212,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
     result.doubt = Doubt::undetermined;
   }
   if (!has_plane) return;
+  if (!options.homography) return refuse(Doubt::undetermined, result);
   setPlaneOrRotation(pairs, input, result);
   doubtRepetition(pairs, input, result);
 }
@@ -254,6 +266,7 @@ void TwoViewEstimator::Impl::startElsewhere(const PointPairs& pairs, const TwoVi
   for (const Eigen::Vector3d& direction : directions) {
     hypotheses.start({turn_alone, direction.normalized()});
   }
+  for (const Epipolar& rival : problem.rivalsOf(epipolar)) hypotheses.start(rival.motion);
   if (has_plane) {
     for (const two_view::PlanarMotion& motion :
          two_view::planarMotions(pairs, plane.mask, *cameras, plane.answer.homography)) {
@@ -277,7 +290,7 @@ double TwoViewEstimator::Impl::cellOf(const PointPairs& pairs, const TwoViewInpu
 
 /// Sets log_plane, and also log_rotation if K is known and a rotation explains the pairs.
 void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs, const TwoViewInput& input) {
-  has_plane = options.homography && plane.status == Status::ok;
+  has_plane = plane.status == Status::ok;
   log_plane = 0.0;
   log_rotation = std::numeric_limits<double>::infinity();  // until a rotation is found
   if (!has_plane) return;
@@ -347,8 +360,16 @@ double TwoViewEstimator::Impl::logFalseParallax(const PointPairs& pairs, const E
   return std::min(support.logFalseAlarms(chance, 2, 1.0), support.logParallax(displaced));
 }
 
-/// Returns the covariance of the homography's first eight entries under the assumption that the
-/// calibration is poor, for example because K comes from a data sheet.
+/// Returns the covariance of the homography's first eight entries with the given shared errors.
+Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::planeCovariance(
+    const PointPairs& pairs, const two_view::SharedShifts& errors) const {
+  const two_view::SharedShifts::Columns<8> changes = two_view::sharedChanges(
+      pairs, plane.mask, plane.answer.homography, errors.with(turn.rotation()));
+  return plane.answer.covariance + changes * changes.transpose();
+}
+
+/// Like planeCovariance(), under the assumption that the calibration is poor, for example because K
+/// comes from a data sheet.
 Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::poorCovariance(
     const PointPairs& pairs, const TwoViewInput& input) const {
   constexpr double kPoorLinear = 10.0;  // as a multiple of options.shared_errors
@@ -356,10 +377,7 @@ Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::poorCovariance(
   SharedErrors poor = options.shared_errors;
   poor.linear *= kPoorLinear;
   poor.focal *= kPoorFocal;
-  const two_view::SharedShifts::Columns<8> changes = two_view::sharedChanges(
-      pairs, plane.mask, plane.answer.homography,
-      two_view::SharedShifts(poor, pairs, input, cameras).with(turn.rotation()));
-  return plane.answer.covariance + changes * changes.transpose();
+  return planeCovariance(pairs, two_view::SharedShifts(poor, pairs, input, cameras));
 }
 
 /// Returns true if a rotation, or a camera at rest, explains most inliers within their errors
@@ -520,10 +538,14 @@ void TwoViewEstimator::Impl::doubtTheTravel(Doubt doubt, const Eigen::Matrix3d& 
 /// 12, in any unit, the mean parallax is 2.2 times the scatter of the parallax, and the scale of
 /// Student's t distribution, turn.scale(), is 0.8 times this scatter. So the mean parallax is about
 /// three times this scale. Its direction is not known, so the variance along each axis is half of
-/// its square.
-Covariance6 TwoViewEstimator::Impl::turnCovariance() const {
+/// its square. A scene that is flat or shallow has no such scatter: there the homography limits the
+/// mean parallax.
+Covariance6 TwoViewEstimator::Impl::turnCovariance(const PointPairs& pairs) const {
   constexpr double kMeanOfScale = 3.0;
-  const double unseen = std::sqrt(0.5) * kMeanOfScale * turn.scale();
+  double unseen = std::sqrt(0.5) * kMeanOfScale * turn.scale();
+  const auto sideways = two_view::sidewaysOf(
+      plane.answer.homography, planeCovariance(pairs, shared), *cameras, turn.rotation());
+  if (sideways) unseen = std::max(unseen, *sideways * cameras->target(0, 0));
   Covariance6 covariance = Covariance6::Zero();
   covariance.bottomRightCorner<3, 3>() = turn.covariance(shared.with(turn.rotation()), unseen);
   covariance.topLeftCorner<3, 3>().diagonal().setConstant(
@@ -730,7 +752,6 @@ void TwoViewEstimator::Impl::setPlaneOrRotation(const PointPairs& pairs, const T
   // because the shared errors are linearised: if the focal length is wrong by 3 %, for example,
   // hundredths of a pixel remain unexplained.
   constexpr double kBound = 2.0 * 20.515;
-  result.probability = 1.0;
   if (log_rotation <= log_plane) return setRotation(pairs, result);
   if (!cameras) return setPlane(pairs, input, result);
   const Eigen::Matrix3d& h = plane.answer.homography;
@@ -760,7 +781,8 @@ void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& resul
   homography::scaleLastToOne(result.homography);
   two_view::label(pairs, cameras, options.max_error, result);
   result.pose.rotation = turn.rotation();
-  result.pose_covariance = turnCovariance();
+  result.pose_covariance = turnCovariance(pairs);
+  result.probability = 1.0;
   result.parallax = 0.0;
 }
 
@@ -787,6 +809,7 @@ void TwoViewEstimator::Impl::refuse(Doubt doubt, TwoView& result) {
   result.status = Status::model_rejected;
   result.doubt = doubt;
   result.geometry = Geometry::none;
+  result.homography.setZero();
   result.fundamental.setZero();
   result.pose = {};
   result.pose_covariance.setConstant(kNaN);
@@ -814,7 +837,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   result.parallax = two_view::parallaxOf(pairs, *cameras, result, values);
   if (result.other) result.doubt = doubtOf(result);
   if (movesInOneRegion(pairs, result)) {
-    doubtTheTravel(Doubt::moving_region, turn.rotation(), turnCovariance(), result);
+    doubtTheTravel(Doubt::moving_region, turn.rotation(), turnCovariance(pairs), result);
   }
   return true;
 }
