@@ -207,7 +207,7 @@ float costOf(const EpipolarPairs& pairs, const Epipolar& model, float give_up) {
 /// must be in front of both cameras. Without cameras, all epipolar lines must have the same
 /// orientation (Chum, Werner & Matas, ICPR 2004).
 namespace {
-constexpr std::size_t kMostTried = 256;  // solutions of about 60 samples of five pairs
+constexpr std::size_t kMostTried = 128;  // solutions of about 30 samples of five pairs
 }  // namespace
 
 void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
@@ -226,7 +226,7 @@ void EpipolarProblem::solve(const estimation::ProsacSample& sample) {
         for (int k = 0; k < 5; ++k) front += inFront(motion, reference.col(k), target.col(k));
         if (front < 5) continue;
         models_.push_back(pairs_->fromMotion(motion));
-        if (tried_.size() < kMostTried) tried_.push_back(motion);
+        if (tried_.size() < kMostTried) tried_.push_back(models_.back());
       }
     }
     return;
@@ -252,11 +252,18 @@ double apart(const RelativePose& a, const RelativePose& b) {
 const std::vector<Epipolar>& EpipolarProblem::rivalsOf(const Epipolar& best) {
   constexpr std::size_t kMost = 6;
   constexpr double kApart = 5.0 * util::kPi / 180.0;
+  // A rival must explain at least this share of what `best` explains. The solution of five noisy
+  // pairs explains less than after a fit, and wrong motions explain less than this.
+  constexpr float kLeastShare = 0.5F;
+  constexpr float kAll = std::numeric_limits<float>::infinity();
+  const auto none = static_cast<float>(static_cast<double>(pairs_->size()) * pairs_->limit *
+                                       pairs_->limit);  // cost of a motion that explains nothing
+  const float least = kLeastShare * (none - costOf(*pairs_, best, kAll));
   scored_.clear();
   rivals_.clear();
-  for (const RelativePose& motion : tried_) {
-    const Epipolar model = pairs_->fromMotion(motion);
-    scored_.emplace_back(costOf(*pairs_, model, std::numeric_limits<float>::infinity()), model);
+  for (const Epipolar& model : tried_) {
+    const float cost = costOf(*pairs_, model, none - least);
+    if (none - cost > least) scored_.emplace_back(cost, model);
   }
   std::stable_sort(scored_.begin(), scored_.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });

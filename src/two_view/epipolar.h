@@ -206,7 +206,7 @@ class EpipolarProblem {
   EpipolarFit fit_;
   std::vector<Eigen::Matrix3d> solutions_;  // essential or fundamental matrices of a sample
   std::vector<Epipolar> models_;
-  std::vector<RelativePose> tried_;                 // solutions of the samples, if K is known
+  std::vector<Epipolar> tried_;                     // solutions of the samples, if K is known
   std::vector<std::pair<float, Epipolar>> scored_;  // buffers of rivalsOf()
   std::vector<Epipolar> rivals_;
 };
