@@ -46,7 +46,7 @@ enum class Doubt : std::uint8_t {
   mirrored = 6,
   other_motion = 7,  ///< another motion fits equally well, for a reason that is not listed above
   /// The inliers do not determine the epipolar geometry. If there is a homography, the result is a
-  /// plane or a rotation instead; otherwise there is no result.
+  /// plane or a rotation instead; otherwise, or without TwoViewOptions::homography, there is none.
   undetermined = 8,
 };
 

@@ -122,7 +122,9 @@ bool isCutMatroska(const std::string& path) {
   const auto readSize = [&]() -> std::optional<std::uint64_t> {
     at += 4;
     std::size_t more = 0;
-    while (at < bytes.size() && more < 8 && (bytes[at] << more & 0x80) == 0) ++more;
+    while (at < bytes.size() && more < 8 &&
+           (static_cast<std::uint8_t>(bytes[at]) << more & 0x80U) == 0)
+      ++more;
     if (more > 7 || at + more >= bytes.size()) return std::nullopt;
     std::uint64_t size = static_cast<std::uint8_t>(bytes[at]) & (0x7FU >> more);
     for (std::size_t i = 1; i <= more; ++i)

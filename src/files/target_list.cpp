@@ -83,9 +83,9 @@ TargetEntry entryOf(const YAML::Node& node, const fs::path& folder) {
       if (is_empty) throw std::invalid_argument("image is empty; expected the name of a file");
       names = {valueOf<std::string>(key, item.second, "name of a file")};
     } else if (key == "images") {
-      for (const YAML::Node& name : item.second) {
-        if (name.IsNull())
-          throw std::invalid_argument("a name in images is empty; expected a file");
+      for (std::size_t i = 0; item.second.IsSequence() && i < item.second.size(); ++i) {
+        if (!item.second[i].IsNull()) continue;
+        throw std::invalid_argument("a name in images is empty; expected a file");
       }
       names = valueOf<std::vector<std::string>>(key, item.second,
                                                 "list of files: [day.png, night.png]");

@@ -146,6 +146,8 @@ void GroundFilter::predict(const Vector6& twist, const Matrix6& twist_covariance
   predicted.diagonal().tail<3>().array() += std::pow(half_square * options.turn_acceleration, 2);
   Vector6 largest;  // standard deviations
   largest << Eigen::Vector3d::Constant(kFarthest), Eigen::Vector3d::Constant(util::kPi);
+  // A pose that was given with a larger deviation keeps it.
+  largest = largest.cwiseMax(covariance().diagonal().cwiseMax(0.0).cwiseSqrt());
   const Vector6 kept = largest.cwiseQuotient(predicted.diagonal().cwiseSqrt()).cwiseMin(1.0);
   start(next, kept.asDiagonal() * predicted * kept.asDiagonal());
 }

@@ -44,8 +44,8 @@ class GroundFilter {
   /// Sets the readout time of the shutter, s; 0 for a global shutter, -1 if it is not known.
   void setReadout(double seconds);
   /// If the readout time is unknown, lets the filter consider values up to +- `seconds`, the time
-  /// between two images (at most 1/30 s), because an image is read out completely before the next
-  /// one begins. Call this before adding the second image.
+  /// between two images (at most 1/30 s; the longest one so far counts), because an image is read
+  /// out completely before the next one begins. Call this before adding the second image.
   void allowReadout(double seconds);
   /// Keeps the estimate of an unknown readout time within the bound of allowReadout(). A shorter
   /// time between two stamps does not limit it, because a single stamp may be wrong.

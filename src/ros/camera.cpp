@@ -1,6 +1,7 @@
 #include "ros/camera.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/core/eigen.hpp>
@@ -138,10 +139,21 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   sensor_msgs::CameraInfo known = info;
   // Without distortion, drivers often leave the name of the model empty. Other models describe
   // fisheye lenses, which distort even if all coefficients are zero.
-  const std::set<std::string> pinholes = {"", "none", "pinhole", "plumb_bob",
-                                          "rational_polynomial"};
+  std::string model = info.distortion_model;
+  for (char& c : model) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::set<std::string> pinholes = {"",
+                                          "none",
+                                          "pinhole",
+                                          "perspective",
+                                          "plumb_bob",
+                                          "rational_polynomial",
+                                          "radtan",
+                                          "thin_prism",
+                                          "brown_conrady",
+                                          "brown-conrady",
+                                          "inverse_brown_conrady"};
   const bool distorts =
-      pinholes.count(info.distortion_model) == 0 ||
+      pinholes.count(model) == 0 ||
       std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });
   if (pixels == Pixels::rectified || !distorts) {
     known.distortion_model = "plumb_bob";

@@ -103,7 +103,7 @@ const Format& formatOf(const std::string& encoding) {
 
 void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
   requirePixels(image);
-  if (format.type == CV_8UC2 && image.width % 2 != 0) {
+  if (format.to_bgr != kNoCode && format.type == CV_8UC2 && image.width % 2 != 0) {
     throw RefusedImage("width is " + std::to_string(image.width) + "; expected an even one for " +
                        image.encoding);
   }
@@ -162,8 +162,8 @@ cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
     requireConsistent(*message, format);
     const auto image = boost::make_shared<cv_bridge::CvImage>(message->header, message->encoding,
                                                               pixelsOf(*message, format));
-    return encoding.empty() ? cv_bridge::CvImageConstPtr(image)
-                            : cv_bridge::CvImageConstPtr(cv_bridge::cvtColor(image, encoding));
+    if (encoding.empty() || encoding == message->encoding) return image;  // without a copy
+    return cv_bridge::cvtColor(image, encoding);
   } catch (const RefusedImage&) {
     throw;
   } catch (const std::exception& error) {  // cv_bridge::Exception, cv::Exception

@@ -94,7 +94,7 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   sensor_msgs::CameraInfo info;
   const auto images = openInput(arguments);
   auto first = images->next();
-  while (first && !first->image) first = images->next();
+  while (first && (!first->image || sizeOf(*first->image).empty())) first = images->next();
   if (!first) return std::nullopt;  // no image can be used; run() will report it
   info.width = first->image->width;
   info.height = first->image->height;
@@ -138,7 +138,9 @@ double pictureRate(const Arguments& arguments) {
   const InputKind kind = kindOf(arguments.in);
   double rate = kind == InputKind::video ? rateOfVideo(arguments.in) : 0.0;
   if (kind == InputKind::bag) rate = rateOfBag(arguments);
-  return rate > 0.0 ? rate : arguments.views.rate;
+  if (!(rate > 0.0)) rate = arguments.views.rate;
+  const double most = arguments.parameters.max_rate;  // images above this rate are skipped
+  return most > 0.0 ? std::min(rate, most) : rate;
 }
 
 void sayNoMotion(const std::string& problem) {

@@ -142,6 +142,8 @@ class BagInputsTest(FolderCase):
             self.run_bag(self.write_bag(rate=rate), '--stabilize', 'v.mp4', '--draw', 'd.mp4')
             for name in ('v.mp4', 'd.mp4'):
                 self.assertAlmostEqual(cv2.VideoCapture(self.path(name)).get(cv2.CAP_PROP_FPS), rate, delta=0.1)
+        self.run_bag(self.path('in.bag'), '--draw', 'd.mp4', '--max_rate', '10')
+        self.assertAlmostEqual(cv2.VideoCapture(self.path('d.mp4')).get(cv2.CAP_PROP_FPS), 10.0, delta=0.1)
 
     def test_the_given_camera_holds_if_the_first_image_is_damaged(self):
         def cut(image):
