@@ -119,7 +119,7 @@ bool isCutMatroska(const std::string& path) {
   // of a size are the number of the bytes that follow it. If all other bits are ones, the size is
   // not known.
   std::size_t at = 0;
-  const auto readSize = [&]() -> std::optional<std::uint64_t> {
+  const auto read_size = [&]() -> std::optional<std::uint64_t> {
     at += 4;
     std::size_t more = 0;
     while (at < bytes.size() && more < 8 &&
@@ -132,11 +132,11 @@ bool isCutMatroska(const std::string& path) {
     at += more + 1;
     return size + 1 == std::uint64_t{1} << 7 * (more + 1) ? std::nullopt : std::make_optional(size);
   };
-  const std::optional<std::uint64_t> header = readSize();
+  const std::optional<std::uint64_t> header = read_size();
   if (!header || *header > bytes.size()) return false;
   at += *header;
   if (bytes.compare(std::min(at, bytes.size()), 4, "\x18\x53\x80\x67") != 0) return false;
-  const std::optional<std::uint64_t> segment = readSize();
+  const std::optional<std::uint64_t> segment = read_size();
   std::error_code none;
   return segment && std::filesystem::file_size(path, none) < at + *segment;
 }
