@@ -137,8 +137,8 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size) {
   requireCalibrated(info);
   sensor_msgs::CameraInfo known = info;
-  // Without distortion, drivers often leave the name of the model empty. Other models describe
-  // fisheye lenses, which distort even if all coefficients are zero.
+  // Without distortion, drivers often leave the name of the model empty. Models with other names
+  // may be of fisheye lenses, which distort even if all coefficients are zero.
   std::string model = info.distortion_model;
   for (char& c : model) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   const std::set<std::string> pinholes = {"",

@@ -134,11 +134,11 @@ double rateOfBag(const Arguments& arguments) {
 
 /// Images per second in the written videos.
 double pictureRate(const Arguments& arguments) {
-  if (arguments.rate > 0.0) return arguments.rate;
+  double rate = arguments.rate;
   const InputKind kind = kindOf(arguments.in);
-  double rate = kind == InputKind::video ? rateOfVideo(arguments.in) : 0.0;
-  if (kind == InputKind::bag) rate = rateOfBag(arguments);
-  if (!(rate > 0.0)) rate = arguments.views.rate;
+  if (rate == 0.0 && kind == InputKind::video) rate = rateOfVideo(arguments.in);
+  if (rate == 0.0 && kind == InputKind::bag) rate = rateOfBag(arguments);
+  if (rate == 0.0) rate = arguments.views.rate;
   const double most = arguments.parameters.max_rate;  // images above this rate are skipped
   return most > 0.0 ? std::min(rate, most) : rate;
 }

@@ -206,8 +206,9 @@ class EpipolarProblem {
   EpipolarFit fit_;
   std::vector<Eigen::Matrix3d> solutions_;  // essential or fundamental matrices of a sample
   std::vector<Epipolar> models_;
-  std::vector<Epipolar> tried_;                     // solutions of the samples, if K is known
-  std::vector<std::pair<float, Epipolar>> scored_;  // buffers of rivalsOf()
+  std::vector<Epipolar> tried_;  // solutions of the samples, if K is known
+  // buffers of rivalsOf(): cost and place in `tried_`, and the result
+  std::vector<std::pair<float, std::size_t>> scored_;
   std::vector<Epipolar> rivals_;
 };
 

@@ -835,7 +835,11 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   two_view::label(pairs, cameras, options.max_error, result);
   if (!cameras) return true;
   result.parallax = two_view::parallaxOf(pairs, *cameras, result, values);
-  if (result.other) result.doubt = doubtOf(result);
+  // rad; the pairs do not determine a direction whose standard deviation is larger. Motions that
+  // are nearly as likely enlarge it, even if none of them clearly differs.
+  constexpr double kUnknown = 0.5;
+  const double across2 = result.pose_covariance.topLeftCorner<3, 3>().trace();
+  if (result.other || across2 > kUnknown * kUnknown) result.doubt = doubtOf(result);
   if (movesInOneRegion(pairs, result)) {
     doubtTheTravel(Doubt::moving_region, turn.rotation(), turnCovariance(pairs), result);
   }
