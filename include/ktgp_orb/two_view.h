@@ -126,8 +126,7 @@ struct ScenePoint {
   /// Index of the point pair that this point was triangulated from.
   std::size_t pair = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< unit: distance between the cameras
-  /// Covariance of `position`. It assumes that the errors of all pairs have the same scale
-  /// (TwoView::scale, or rmse if scale is 0), and that the motion is exact.
+  /// Covariance of `position` if the motion were exact; see triangulate() for the errors of pairs.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
@@ -178,7 +177,9 @@ struct TwoView {
   /// Root mean square over the inliers, px: reprojection error in the target (plane, rotation) or
   /// Sampson distance (epipolar).
   double rmse = 0.0;
-  double scale = 0.0;  ///< robust scale of the Sampson distances, px; 0 unless epipolar
+  /// Robust scale of the Sampson distances, px; 0 unless epipolar. With TwoViewInput::deviations,
+  /// the scale of a pair whose deviation is 1.
+  double scale = 0.0;
 
   /// log10 of the number of false alarms: the expected number of models that get the same support
   /// by chance (Moisan & Stival, IJCV 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no
@@ -281,8 +282,14 @@ class TwoViewMatcher {
 };
 
 /// Computes the scene points of the inliers, in the order of the pairs. `points` is empty if there
-/// is no pose with a translation. Pairs whose rays are parallel within the errors are left out.
+/// is no pose with a translation. Pairs whose rays are parallel within the errors are left out. The
+/// errors of all pairs have the scale TwoView::scale, or rmse if it is 0.
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
+                 std::vector<ScenePoint>& points);
+
+/// The same for matches. Aligned pairs and others have scales of their own, which are measured.
+/// Prefer this: TwoView::scale is that of aligned pairs, and others are less accurate.
+void triangulate(const TwoViewMatches& matches, const TwoViewInput& input,
                  std::vector<ScenePoint>& points);
 
 }  // namespace ktgp_orb

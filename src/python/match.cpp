@@ -393,7 +393,7 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 
 void Match::addPoints(const MatchResult& result, const TwoViewInput& input) {
   std::vector<ScenePoint> scene;
-  triangulate(result.two_view.pairs, input, result.two_view.view, scene);
+  triangulate(result.two_view, input, scene);
   // For each correspondence: its row in the Python arrays, or -1 if it has none there because its
   // target keypoint has no nearest neighbour.
   std::vector<std::int32_t> rows;

@@ -89,7 +89,7 @@ sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const TwoView& view = result.two_view.view;
   std::vector<ScenePoint> points;
   if (view.mask.size() == result.two_view.pairs.size()) {
-    triangulate(result.two_view.pairs, input, view, points);
+    triangulate(result.two_view, input, points);
   }
   auto message = boost::make_shared<sensor_msgs::PointCloud2>();
   message->header = frame.header;

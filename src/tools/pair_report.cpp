@@ -396,7 +396,7 @@ std::vector<ScenePoint> pointsOf(const Outcome& outcome) {
   TwoViewInput input;
   input.reference_camera = outcome.hints.reference_camera;
   input.target_camera = outcome.hints.target_camera;
-  triangulate(found.pairs, input, found.view, points);
+  triangulate(found, input, points);
   return points;
 }
 

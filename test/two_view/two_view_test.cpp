@@ -841,37 +841,89 @@ TEST(TwoView, TriangulatesWhatItSees) {
   EXPECT_GT(near, static_cast<int>(points.size()) * 95 / 100);
 }
 
-TEST(TwoView, ItsPointsAreAsUncertainAsTheirErrors) {
-  Numbers numbers(31);
-  const World world(Shape::depth, numbers, 1000, 0, 0.0);
-  TwoView truth;
-  truth.status = Status::ok;
-  truth.geometry = Geometry::epipolar;
-  truth.pose = world.pose;
-  truth.mask.assign(world.pairs.size(), 1);
-  std::vector<ScenePoint> exact, found;
-  triangulate(world.pairs, world.input(), truth, exact);
-  truth.scale = 0.1;
-  PointPairs noisy = world.pairs;
-  for (auto* points : {&noisy.reference, &noisy.target}) {
-    for (Eigen::Vector2d& p : *points) {
-      p += truth.scale * Eigen::Vector2d(numbers.normal(), numbers.normal());
-    }
-  }
-  triangulate(noisy, world.input(), truth, found);
+/// Sum and number of the normalised squared errors of points; the mean is 3 if the covariances are
+/// right.
+struct PointErrors {
   double sum = 0.0;
   std::size_t count = 0;
+  double mean() const { return sum / static_cast<double>(count); }
+};
+
+/// Compares points with the exact ones, separately for pairs that are aligned (true) or not.
+std::map<bool, PointErrors> compare(const std::vector<ScenePoint>& found,
+                                    const std::vector<ScenePoint>& exact,
+                                    const std::vector<std::uint8_t>& aligned) {
+  std::map<bool, PointErrors> errors;
   for (const ScenePoint& point : found) {
     const auto same = std::find_if(exact.begin(), exact.end(),
                                    [&](const ScenePoint& p) { return p.pair == point.pair; });
     if (same == exact.end()) continue;
     const Eigen::Vector3d d = point.position - same->position;
-    sum += d.dot(point.covariance.inverse() * d);
-    ++count;
+    PointErrors& sums = errors[aligned[point.pair] != 0];
+    sums.sum += d.dot(point.covariance.inverse() * d);
+    ++sums.count;
   }
-  ASSERT_GT(count, 800u);
-  EXPECT_GT(sum / static_cast<double>(count), 2.5);
-  EXPECT_LT(sum / static_cast<double>(count), 3.6) << "normalised squared error of three numbers";
+  return errors;
+}
+
+/// World without wrong pairs, with the true motion as its geometry.
+struct KnownWorld {
+  World world;
+  TwoViewMatches matches;
+  std::vector<ScenePoint> exact;
+
+  explicit KnownWorld(Numbers& numbers) : world(Shape::depth, numbers, 1000, 0, 0.0) {
+    TwoView& truth = matches.view;
+    truth.status = Status::ok;
+    truth.geometry = Geometry::epipolar;
+    truth.pose = world.pose;
+    truth.fundamental = two_view::Cameras(camera(), camera()).fundamentalOf(world.pose);
+    truth.mask.assign(world.pairs.size(), 1);
+    matches.pairs = world.pairs;
+    matches.aligned.assign(world.pairs.size(), 1);
+    triangulate(world.pairs, world.input(), truth, exact);
+  }
+  void disturb(Numbers& numbers, double of_aligned, double of_others) {
+    for (std::size_t i = 0; i < matches.pairs.size(); ++i) {
+      const double error = matches.aligned[i] != 0 ? of_aligned : of_others;
+      matches.pairs.reference[i] += error * Eigen::Vector2d(numbers.normal(), numbers.normal());
+      matches.pairs.target[i] += error * Eigen::Vector2d(numbers.normal(), numbers.normal());
+    }
+  }
+};
+
+TEST(TwoView, ItsPointsAreAsUncertainAsTheirErrors) {
+  Numbers numbers(31);
+  KnownWorld known(numbers);
+  known.disturb(numbers, 0.1, 0.1);
+  known.matches.view.scale = 0.1;
+  std::vector<ScenePoint> found;
+  triangulate(known.matches.pairs, known.world.input(), known.matches.view, found);
+  PointErrors errors = compare(found, known.exact, known.matches.aligned)[true];
+  ASSERT_GT(errors.count, 800u);
+  EXPECT_GT(errors.mean(), 2.5);
+  EXPECT_LT(errors.mean(), 3.6);
+}
+
+TEST(TwoView, PointsThatAreNotAlignedAreLessCertain) {
+  for (const double share_aligned : {0.0, 0.3, 0.7, 0.995}) {
+    SCOPED_TRACE(share_aligned);
+    Numbers numbers(32);
+    KnownWorld known(numbers);
+    for (std::uint8_t& aligned : known.matches.aligned) {
+      aligned = numbers.uniform(0.0, 1.0) < share_aligned ? 1 : 0;
+    }
+    known.disturb(numbers, 0.05, 0.17);
+    known.matches.view.scale = 0.05;
+    std::vector<ScenePoint> found;
+    triangulate(known.matches, known.world.input(), found);
+    EXPECT_GT(found.size(), 700u);
+    for (auto& [aligned, errors] : compare(found, known.exact, known.matches.aligned)) {
+      if (errors.count < 100) continue;
+      EXPECT_GT(errors.mean(), 2.0) << "aligned: " << aligned;
+      EXPECT_LT(errors.mean(), 4.0) << "aligned: " << aligned;
+    }
+  }
 }
 
 TEST(TwoView, RefusesAnInvalidK) {
