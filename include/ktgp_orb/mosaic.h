@@ -16,9 +16,10 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// Largest size of the mosaic, 10^6 px, 1..1000. At this size it stops growing, but the part that
-  /// is already covered is still updated. Memory per pixel: five bytes for the map, and up to
-  /// twelve bytes for the keyframes.
+  /// Largest size of the mosaic, 10^6 px, 1..1000. It stops growing at this size, or if its
+  /// bounding rectangle would become more than eight times as large; the part that is already
+  /// covered is still updated. Memory per pixel: five bytes for the map, and up to twelve bytes for
+  /// the keyframes. image() needs four bytes for each pixel of the bounding rectangle.
   double max_megapixels = 64.0;
   /// If true, each frame is matched to the nearest keyframe of the map to find its position. If
   /// false, its position is the product of the homographies given to follow(), whose errors add up.
@@ -88,7 +89,9 @@ class Mosaic {
   Mosaic& operator=(Mosaic&&) noexcept;
 
   const MosaicOptions& options() const;
-  /// The new options apply from the next frame on; the map stays. Throws like the constructor.
+  /// The new options apply from the next frame on; the map stays. With another kind of descriptors,
+  /// its keyframes are dropped, because no frame could be matched to them. Throws like the
+  /// constructor.
   void setOptions(const MosaicOptions& options);
 
   /// Sets the camera matrix K of the images without lens distortion, px; empty if it is not known.
@@ -132,7 +135,7 @@ class Mosaic {
   cv::Rect area() const;
 
   double megapixels() const;  ///< covered area, 10^6 px, counted in whole tiles
-  bool full() const;          ///< true if a part was not drawn because max_megapixels was reached
+  bool full() const;          ///< true if a part was not drawn because of max_megapixels
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps that were begun
   /// How far the scene of the newest frames deviates from a plane, px: the running mean of

@@ -513,6 +513,10 @@ void Mosaic::setOptions(const MosaicOptions& options) {
   util::requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
   impl_->extractor = OrbExtractor(withImages(options.orb, options.matcher.alignment.enabled));
   impl_->keyframes.setOptions(options.matcher);
+  if (options.orb.descriptor != impl_->options.orb.descriptor) {
+    impl_->keyframes.clear();
+    impl_->last_features.reset();
+  }
   impl_->tiles.setMaxTiles(tilesFor(options));
   impl_->is_full = false;
   impl_->options = options;

@@ -228,6 +228,9 @@ bool TileMap::drawTile(const Place& place, const cv::Rect& bounds, const Frame& 
   cv::Rect covered = cv::boundingRect(patch_weight_);
   if (!surface_.isPlane()) covered &= bounds - region.tl();
   if (covered.empty()) return true;
+  const cv::Rect drawn = covered + region.tl();
+  const cv::Rect grown = area_.empty() ? drawn : area_ | drawn;
+  if (grown != area_ && isTooLarge(grown)) return false;
   auto found = tiles_.find(place);
   if (found == tiles_.end()) {
     if (tiles_.size() >= max_tiles_) return false;
@@ -243,9 +246,13 @@ bool TileMap::drawTile(const Place& place, const cv::Rect& bounds, const Frame& 
     blendRow(patch_.ptr<cv::Vec3b>(y, x)->val, patch_weight_.ptr<std::uint8_t>(y, x), covered.width,
              tile.colour.ptr<cv::Vec3b>(y, x)->val, tile.weight.ptr<std::uint16_t>(y, x));
   }
-  const cv::Rect drawn = covered + region.tl();
-  area_ = area_.empty() ? drawn : area_ | drawn;
+  area_ = grown;
   return true;
+}
+
+bool TileMap::isTooLarge(const cv::Rect& area) const {
+  const double largest = static_cast<double>(kMostOfArea * max_tiles_) * kTileSize * kTileSize;
+  return static_cast<double>(area.width) * area.height > largest;
 }
 
 bool TileMap::bend(const Surface& cylinder) {

@@ -16,6 +16,9 @@ namespace ktgp_orb::mosaic {
 class TileMap {
  public:
   static constexpr int kTileSize = 256;  ///< px
+  /// Largest bounding rectangle of the drawn area, as a multiple of the area of max_tiles. A
+  /// diagonal strip needs few tiles, but image() needs the memory of its rectangle.
+  static constexpr std::size_t kMostOfArea = 8;
 
   explicit TileMap(std::size_t max_tiles) : max_tiles_(max_tiles) {}
 
@@ -31,7 +34,7 @@ class TileMap {
   /// first frame, scaled by Surface::scaled(). The weight of a pixel falls towards the border of
   /// its frame, so there are no seams. The picture on a cylinder covers at most one full turn;
   /// parts beyond its end are drawn at its beginning. Returns false if a part was not drawn,
-  /// because the map has max_tiles tiles already.
+  /// because the map has max_tiles tiles already, or its bounding rectangle would be too large.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
   /// Returns the factor that makes the frame as bright as the map below it; 1 if they overlap too
@@ -78,6 +81,7 @@ class TileMap {
   bool drawTile(const Place& place, const cv::Rect& bounds, const Frame& frame);
   void setPatchWeight(const cv::Rect& region, const Frame& frame);
   void setPatch(const cv::Rect& region, const Frame& frame);
+  bool isTooLarge(const cv::Rect& area) const;
   void setFeather(const cv::Size& size);
 
   std::size_t max_tiles_;

@@ -265,6 +265,31 @@ TEST(Mosaic, StopsGrowingAtItsBound) {
   EXPECT_LT(flight.error(), 1e-3) << "it still knows where it is";
 }
 
+TEST(Mosaic, ADiagonalFlightEndsWhereItsPictureWouldBeTooLarge) {
+  MosaicOptions options = byPath();
+  options.max_megapixels = 8.0;
+  Flight flight(options, world(1), kPeriod, {160, 120});
+  for (int i = 0; i <= 400; ++i) flight.go(viewAt(100 + 30 * i, 100 + 22 * i));
+  EXPECT_TRUE(flight.mosaic.full());
+  EXPECT_LT(flight.mosaic.megapixels(), 7.0) << "the tiles are not the reason";
+  const cv::Mat picture = flight.mosaic.image();
+  EXPECT_LE(picture.total(), 64'000'000U);
+  EXPECT_GT(picture.total(), 60'000'000U);
+  EXPECT_LT(flight.error(), 1e-3) << "it still knows where it is";
+}
+
+TEST(Mosaic, KeepsItsMapWithOtherDescriptors) {
+  Flight flight({});
+  flight.goRight(20);
+  MosaicOptions options = flight.mosaic.options();
+  options.orb.descriptor = DescriptorKind::teblid;
+  flight.mosaic.setOptions(options);
+  for (int i = 0; i <= 10; ++i) flight.go(viewAt(600 + 20 * i, 300));
+  EXPECT_EQ(flight.goLost(viewAt(700, 330, 0.2)), Placement::drawn);
+  EXPECT_LT(flight.error(), 0.5);
+  EXPECT_EQ(flight.mosaic.maps(), 1U);
+}
+
 TEST(Mosaic, FindsItsPlaceAgainAfterAGap) {
   Flight flight({});
   flight.goRight(20);
