@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   ktgp_orb::SequenceMatcher matcher(options);
   const ktgp_orb::FramePtr picture = matcher.newFrame();
   picture->image = cv::imread(argv[1], cv::IMREAD_GRAYSCALE);
+  picture->stamp = -1;  // ns; differs from the stamps of the frames
   matcher.setFixedReference(picture);
 
   cv::VideoCapture video(argv[2]);

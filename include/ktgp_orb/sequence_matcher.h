@@ -80,11 +80,12 @@ enum class NoReference : std::uint8_t {
   /// the next frame is matched as if the skipped frame did not exist. Two such frames in a row mean
   /// that the recording was looped.
   stamp_went_back = 3,
-  size_changed = 4,      ///< the previous frame has another width or height
-  encoding_changed = 5,  ///< the previous frame has another encoding
-  not_set = 6,           ///< mode fixed, but no reference was set
-  reset = 7,             ///< reset() was called since the previous frame
-  mode_changed = 8,      ///< the reference mode was changed since the previous frame
+  size_changed = 4,  ///< the previous frame has another width or height
+  /// The previous frame has another encoding or, if it has no image, another kind of descriptors.
+  encoding_changed = 5,
+  not_set = 6,       ///< mode fixed, but no reference was set
+  reset = 7,         ///< reset() was called since the previous frame
+  mode_changed = 8,  ///< the reference mode was changed since the previous frame
   lens_changed = 9,  ///< the previous frame has another lens, or only one of the frames has a lens
 };
 
@@ -230,6 +231,8 @@ class SequenceMatcher {
 
   /// Sets the reference of the fixed mode, or removes it (null). If `frame` has no features yet,
   /// they are extracted at once in fixed mode, and in other modes when a frame first needs them.
+  /// Give it a stamp that no other frame and no other reference has, for example -1: FramePath and
+  /// the classes that use it tell frames by their stamps.
   void setFixedReference(const FramePtr& frame);
   FrameConstPtr fixedReference() const;
   /// State of the views when the last frame was matched.

@@ -23,6 +23,7 @@ class TargetPose {
 
   /// Throws like the constructor.
   void setReadoutTime(double seconds);
+  double readoutTime() const;
 
   /// Returns the poses of a target whose width is known, as planarPoses() does. `camera`: K of an
   /// image without distortion, px. `lens`: lens of the image in which the target was found; null if

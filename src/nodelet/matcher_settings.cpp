@@ -37,6 +37,16 @@ FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
   return makeFrame(image, extractor, wanted.stretch);
 }
 
+/// Reads the reference file. A file has no stamp, but the consumers of the homographies tell images
+/// by their stamps. So the first file gets the stamp 0, and each later one a stamp of its own.
+sensor_msgs::ImageConstPtr MatcherSettings::readReference(const std::string& path) {
+  const sensor_msgs::ImageConstPtr read = readImageFile("reference_image", path);
+  if (!read) return nullptr;
+  const auto image = boost::make_shared<sensor_msgs::Image>(*read);
+  image->header.stamp.fromNSec(files_++);
+  return image;
+}
+
 void MatcherSettings::configure(const KtgpConfig& config, const std::string& image_topic) {
   Configuration wanted = configurationFrom(config, configuration_.number);
   const bool are_rectified = pixelsFrom(config.calibration, image_topic) == Pixels::rectified;
@@ -47,8 +57,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   // If the file name is unchanged, keep the reference, even if it came from ~reference.
   const bool same_image = is_configured_ && config.reference_image == reference_file_;
   const FileState state = same_image ? file_state_ : stateOf(config.reference_image);
-  const auto file =
-      same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
+  const auto file = same_image ? file_reference_ : readReference(config.reference_image);
   wanted.reference_image = same_image ? configuration_.reference_image : file;
   const bool same_mask = is_configured_ && config.mask_image == mask_file_;
   wanted.view.file_mask =
@@ -137,8 +146,7 @@ bool MatcherSettings::rereadReference(bool at_once) {
   file_seen_ = now;
   if (now == file_state_ || !settled) return false;
   file_state_ = now;
-  const auto before =
-      std::exchange(file_reference_, readImageFile("reference_image", reference_file_));
+  const auto before = std::exchange(file_reference_, readReference(reference_file_));
   // Keep a reference that came from ~reference.
   if (configuration_.reference_image == before) useReference(file_reference_);
   ++configuration_.number;

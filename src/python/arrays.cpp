@@ -60,7 +60,8 @@ py::array bytesOf(const py::object& object, const std::string& name, bool may_be
   const py::ssize_t pixel = array.itemsize() * (array.ndim() == 3 ? array.shape(2) : 1);
   const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == pixel &&
                               (array.ndim() == 2 || array.strides(2) == array.itemsize()) &&
-                              array.strides(0) >= pixel * array.shape(1);
+                              array.strides(0) >= pixel * array.shape(1) &&
+                              array.strides(0) % array.itemsize() == 0;
   if (rows_are_dense || array.ndim() < 2) return array;
   if (is_wide) {
     return py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>::ensure(array);

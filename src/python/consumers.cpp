@@ -183,7 +183,7 @@ using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, doubl
 
 std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
                                  const py::object& matrix, std::pair<int, int> size,
-                                 std::vector<double> distortion, double seconds) {
+                                 std::vector<double> distortion, std::optional<double> given) {
   const Eigen::Matrix3d camera = requiredCamera(matrix);
   const cv::Size image(size.first, size.second);
   if (image.width < 1 || image.height < 1) {
@@ -192,6 +192,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
   }
   util::requireK("camera", camera, image);
   util::requirePrincipalPoint("camera", camera, image);
+  const double seconds = given.value_or(0.0);
   constexpr double kLatest = 9e9;  // s; a stamp is an int64 of nanoseconds
   util::requireInRange("seconds", seconds, -kLatest, kLatest);
   LensCalibration calibration;
@@ -203,6 +204,10 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
   if (!calibration.distortion.empty()) lens.emplace(calibration);
   const auto stamp = static_cast<std::int64_t>(std::llround(1e9 * seconds));
   const PlanarPoses found = shared.use([&](TargetPose& pose) {
+    if (!given && pose.readoutTime() != 0.0 && pose.readoutTime() != -1.0) {
+      throw py::value_error(
+          "seconds is missing; expected the time of the image, because readout_time is given");
+    }
     return pose.find(target, camera, lens ? &*lens : nullptr, stamp, image.height);
   });
   std::vector<FoundPose> poses;
@@ -219,10 +224,12 @@ void defineTargetPose(py::module& module) {
            "readout_time: s from the first row of an image to the last, -0.2 to 0.2; below 0: the "
            "last row is exposed first;\n0: a global shutter; -1: not known. Raises ValueError.")
       .def("find", findPoses, py::arg("target"), py::arg("camera"), py::arg("size"),
-           py::arg("distortion") = std::vector<double>(), py::arg("seconds") = 0.0,
+           py::arg("distortion") = std::vector<double>(), py::arg("seconds") = py::none(),
            "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
            "camera: (3, 3), K in px;\nsize: width and height of the image; distortion: 4, 5, 8, 12 "
-           "or 14 coefficients in OpenCV's order; seconds: time of the image.\nEach is (target to "
+           "or 14 coefficients in OpenCV's order; seconds: time of the image; without "
+           "it, the shutter is left out of account, also where readout_time is not known.\nEach is "
+           "(target to "
            "camera, (4, 4), m; (6, 6) covariance of x, y, z and rotations about the camera's axes; "
            "likelihood against the other one, 0 to 1).\nRaises ValueError.");
 }

@@ -168,7 +168,7 @@ class Targets:
 class TargetPoses:
     def __init__(self, readout_time: float = -1.0) -> None: ...
     def find(self, target: DetectedTarget, camera: NDArray[np.float64], size: Tuple[int, int],
-             distortion: List[float] = [], seconds: float = 0.0
+             distortion: List[float] = [], seconds: Optional[float] = None
              ) -> List[Tuple[NDArray[np.float64], NDArray[np.float64], float]]: ...
 
 class Mosaic:

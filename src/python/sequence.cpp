@@ -46,8 +46,12 @@ class Sequence {
   void setReference(const py::object& image) {
     const ImageArray grey = greyImage(image, "image");
     matcher_.use([&](SequenceMatcher& matcher) {
+      if (matcher.options().reference.mode != ReferenceMode::fixed) {
+        throw py::value_error("set_reference has no effect; expected reference_mode=\"fixed\"");
+      }
       const FramePtr frame = matcher.newFrame();
       grey.pixels.copyTo(frame->image);
+      frame->stamp = --reference_stamp_;
       matcher.setFixedReference(frame);
     });
   }
@@ -60,6 +64,9 @@ class Sequence {
 
  private:
   Shared<SequenceMatcher> matcher_;
+  // Stamp of the newest fixed reference, ns. It is negative, so it differs from those of the
+  // frames, and each reference has its own, because the consumers tell images by their stamps.
+  std::int64_t reference_stamp_ = 0;
 };
 
 py::tuple frameState(const FrameMatch& m) {
@@ -98,7 +105,7 @@ void defineFrameMatch(py::module& module) {
           "As given to Sequence.match.")
       .def_property_readonly(
           "reference_seconds", [](const FrameMatch& m) { return secondsOf(m.reference_stamp); },
-          "Of the reference; 0 without one.")
+          "Of the reference; 0 without one, and below 0 for that of Sequence.set_reference.")
       .def_property_readonly(
           "tracks",
           [](const py::object& self) { return view(self.cast<const FrameMatch&>().tracks, self); },
@@ -126,7 +133,7 @@ void defineSequence(py::module& module) {
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "
            "FrameMatch.\nRaises ValueError.")
       .def("set_reference", &Sequence::setReference, py::arg("image"),
-           "The reference of mode \"fixed\".")
+           "The reference of mode \"fixed\". Raises ValueError.")
       .def("restart", &Sequence::restart,
            "The next frame is the first of a new sequence; a fixed reference stays.");
 }

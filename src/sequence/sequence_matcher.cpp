@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "features/orb/image_check.h"
 #include "sequence/frames.h"
 #include "sequence/motion_predictor.h"
 #include "sequence/reference_keeper.h"
@@ -280,8 +281,7 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
 /// Returns true if `frame` repeats the image of the last answer. Call this before extracting
 /// features, because a repeated image does not need them.
 bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
-  const bool is_asked_anew = std::exchange(has_other_input, false) || fix_next_frame;
-  if (!answer.frame || is_asked_anew) return false;
+  if (!answer.frame || has_other_input || fix_next_frame) return false;
   const Frame& last = *answer.frame;
   // If the mask has changed, the result may be different, so the image is not a repetition.
   if (frame.mask.data != last.mask.data) return false;
@@ -290,6 +290,8 @@ bool SequenceMatcher::Impl::repeatsAnswer(const Frame& frame) {
 }
 
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAhead* ahead) {
+  // First make all calls that may throw.
+  if (!given->image.empty()) orb::requireValid(given->image, given->mask);
   answer.repeated = repeatsAnswer(*given);
   if (answer.repeated) return answer;
   const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
@@ -314,6 +316,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   if (answer.match.geometry == Geometry::epipolar) last_motion = answer.match.two_view.view.pose;
   keeper.advance(frame, reference, reference ? &answer.match : nullptr);
 
+  has_other_input = false;
   const bool was_forgotten = std::exchange(had_reference, false);
   answer.reference_changed = was_forgotten || reference != answer.reference;
   answer.frame = frame;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "homography/fit.h"
+#include "homography/transform.h"
 #include "util/camera_check.h"
 #include "util/keypoint_position.h"
 
@@ -34,6 +35,16 @@ std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points,
   return chosen;
 }
 
+/// Sum of the variances of the mapped corners of an image of this size, px².
+double cornerVariance(const UncertainHomography& homography, const cv::Size& size) {
+  double sum = 0.0;
+  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
+    const auto by_entries = homography::jacobianByEntries(homography.homography, corner);
+    sum += (by_entries * homography.covariance * by_entries.transpose()).trace();
+  }
+  return sum;
+}
+
 }  // namespace
 
 struct TargetPose::Impl {
@@ -42,12 +53,15 @@ struct TargetPose::Impl {
     int instance = 0;
     std::size_t image = 0;
     std::int64_t stamp = 0;
+    int rows = 0;
+    Eigen::Matrix3d camera;
     UncertainHomography answer;
   };
 
   std::optional<UncertainHomography> rectified(const DetectedTarget& target, const Lens& lens);
-  void correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
-                      UncertainHomography& answer);
+  std::optional<UncertainHomography> fitted(const DetectedTarget& target);
+  void correctShutter(const DetectedTarget& target, const Eigen::Matrix3d& camera,
+                      std::int64_t stamp, int rows, UncertainHomography& answer);
 
   double readout_time = -1.0;
   std::vector<Seen> seen;  // recent detections, one per instance of a target
@@ -62,12 +76,25 @@ struct TargetPose::Impl {
 /// Returns nothing if the pairs do not agree on a homography.
 std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTarget& target,
                                                                const Lens& lens) {
-  constexpr double kPatchSide = 15.0;  // approximate side of a patch, px
   points.clear();
   for (const Eigen::Vector2d& p : target.pairs.target) {
     points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
   }
+  const std::optional<UncertainHomography> distorted = fitted(target);
   lens.rectify(points);
+  std::optional<UncertainHomography> found = fitted(target);
+  if (!found || !distorted) return found;
+  // The finder's covariance also contains errors that a fit to the pairs does not show: blur and
+  // vibration displace many of them together.
+  const double ratio = cornerVariance(target.homography, target.image_size) /
+                       cornerVariance(*distorted, target.image_size);
+  if (ratio > 1.0) found->covariance *= ratio;
+  return found;
+}
+
+/// Fits a homography to the pairs of the target, whose positions in the frame are in `points`.
+std::optional<UncertainHomography> TargetPose::Impl::fitted(const DetectedTarget& target) {
+  constexpr double kPatchSide = 15.0;  // approximate side of a patch, px
   // Overlapping patches of the alignment share their noise, so only one of them counts.
   const double apart = target.aligned ? kPatchSide : 0.0;
   pairs.clear();
@@ -86,8 +113,8 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
   return result.answer;
 }
 
-void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t stamp, int rows,
-                                      UncertainHomography& answer) {
+void TargetPose::Impl::correctShutter(const DetectedTarget& target, const Eigen::Matrix3d& camera,
+                                      std::int64_t stamp, int rows, UncertainHomography& answer) {
   // Maximum age, s, of the previous detection from which we compute how the camera moves. After a
   // longer time, a hand-held camera may have changed its speed.
   constexpr double kLongest = 0.2;
@@ -95,7 +122,7 @@ void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t
   seen.erase(std::remove_if(seen.begin(), seen.end(),
                             [&](const Seen& one) { return !(std::abs(age(one)) < kLongest); }),
              seen.end());
-  Seen now{target.id, target.instance, target.image, stamp, answer};
+  Seen now{target.id, target.instance, target.image, stamp, rows, camera, answer};
   const auto last = std::find_if(seen.begin(), seen.end(), [&](const Seen& one) {
     return one.id == now.id && one.instance == now.instance;
   });
@@ -103,7 +130,9 @@ void TargetPose::Impl::correctShutter(const DetectedTarget& target, std::int64_t
     seen.push_back(std::move(now));
     return;
   }
-  if (target.age > 1 && last->image == now.image && age(*last) > 0.0) {
+  // In px of another image size or camera, the difference of the homographies is no motion.
+  const bool same_camera = last->rows == rows && last->camera == camera;
+  if (target.age > 1 && last->image == now.image && same_camera && age(*last) > 0.0) {
     answer =
         withoutShutter(answer, last->answer, age(*last), readout_time, target.image_size, rows);
   }
@@ -123,6 +152,10 @@ void TargetPose::setReadoutTime(double seconds) {
   impl_->readout_time = seconds;
 }
 
+double TargetPose::readoutTime() const {
+  return impl_->readout_time;
+}
+
 PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d& camera,
                              const Lens* lens, std::int64_t stamp, int rows) {
   UncertainHomography found = target.homography;
@@ -132,7 +165,7 @@ PlanarPoses TargetPose::find(const DetectedTarget& target, const Eigen::Matrix3d
     found = *rectified;
   }
   const Covariance8 noise = found.covariance;
-  if (impl_->readout_time != 0.0) impl_->correctShutter(target, stamp, rows, found);
+  if (impl_->readout_time != 0.0) impl_->correctShutter(target, camera, stamp, rows, found);
   const auto poses_of = [&](const Covariance8& covariance) {
     return planarPoses(found.homography, covariance, camera, target.image_size, target.width);
   };

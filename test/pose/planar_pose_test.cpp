@@ -17,6 +17,7 @@
 
 #include "evaluation/rendering.h"
 #include "frame_pair.h"
+#include "homography/transform.h"
 #include "ktgp_orb/target_pose.h"
 #include "orb_test_images.h"
 #include "refusal.h"
@@ -601,6 +602,51 @@ TEST(TargetPose, LensIsTakenOutOfTheDetection) {
   const PlanarPoses without = TargetPose(0.0).find(target, camera(), nullptr, 0, 480);
   ASSERT_FALSE(without.poses.empty()) << without.problem;
   EXPECT_GT(difference(without.poses[0].target_to_camera, truth).norm(), 3e-3);
+}
+
+LensCalibration nearlyStraight() {
+  LensCalibration calibration;
+  calibration.image_size = {640, 480};
+  for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera()(i / 3, i % 3);
+  calibration.rectified_camera = calibration.camera;
+  calibration.distortion = {1e-7, 0.0, 0.0, 0.0};
+  return calibration;
+}
+
+// The finder enlarges the covariance for blur and vibration, which the pairs do not show.
+TEST(TargetPose, ALensDoesNotMakeADetectionMoreCertain) {
+  const LensCalibration calibration = nearlyStraight();
+  const Lens lens(calibration);
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal(0.0, 0.5);
+  DetectedTarget target = detectedThrough(calibration, somePose());
+  for (Eigen::Vector2d& p : target.pairs.target)
+    p += Eigen::Vector2d(normal(random), normal(random));
+  ProsacHomography prosac;
+  ProsacResult fitted;
+  prosac.estimate(target.pairs, target.image_size, target.homography.homography, fitted);
+  target.homography = fitted.answer;
+  for (const double enlarged : {1.0, 36.0}) {
+    target.homography.covariance = enlarged * fitted.answer.covariance;
+    const auto through = TargetPose(0.0).find(target, camera(), &lens, 0, 480).poses;
+    const auto without = TargetPose(0.0).find(target, camera(), nullptr, 0, 480).poses;
+    ASSERT_FALSE(through.empty() || without.empty());
+    const double ratio = through[0].covariance.trace() / without[0].covariance.trace();
+    EXPECT_GT(ratio, 0.7) << enlarged;
+    EXPECT_LT(ratio, 1.5) << enlarged;
+  }
+}
+
+TEST(TargetPose, AnotherImageSizeIsNoMotion) {
+  const Eigen::Matrix3d twice = Eigen::Vector3d(2.0, 2.0, 1.0).asDiagonal();
+  DetectedTarget target = detectedThrough(nearlyStraight(), somePose());
+  target.age = 2;
+  TargetPose pose(0.02);
+  const auto small = pose.find(target, camera(), nullptr, 1'000'000'000, 480).poses;
+  target.homography = homography::chained({twice}, target.homography);
+  const auto large = pose.find(target, twice * camera(), nullptr, 1'033'333'333, 960).poses;
+  ASSERT_FALSE(small.empty() || large.empty());
+  EXPECT_LT(difference(small[0].target_to_camera, large[0].target_to_camera).norm(), 1e-6);
 }
 
 /// Detects a picture that is less tall than the object, seen by a camera that moves to the side.

@@ -391,6 +391,33 @@ class ModuleTest(unittest.TestCase):
         fixed.set_reference(frames[0])
         for time, frame in ((1.0, frames[1]), (50.0, frames[2])):
             self.assertEqual(fixed.match(frame, time).status, 'ok')
+        with self.assertRaisesRegex(ValueError, "set_reference has no effect; expected reference_mode=\"fixed\""):
+            sequence.set_reference(frames[0])
+
+    def test_consumers_tell_a_fixed_reference_from_the_frames(self):
+        def shown(x, y):
+            return np.ascontiguousarray(self.reference[100 + y:400 + y, 100 + x:500 + x])
+
+        sequence = ktgp.Sequence('robust', reference_mode='fixed')
+        mosaic, stabilizer = ktgp.Mosaic(keyframes=False), ktgp.Stabilizer(lag=0)
+        seconds, found = 0.0, []
+        for reference in ((0, 0), (40, 30), (-20, 10)):
+            sequence.set_reference(shown(*reference))
+            for i in range(3):
+                x, y = 2 * len(found), len(found)
+                image = shown(x, y)
+                frame = sequence.match(image, seconds)
+                self.assertEqual(frame.status, 'ok')
+                self.assertLess(frame.reference_seconds, 0.0)
+                mosaic.add(image, frame)
+                steady, = stabilizer.add(frame)
+                self.assertEqual(steady.starts_anew, i == 0, reference)
+                found.append(mosaic.pose)
+                # The path to the map ends where the reference changes.
+                self.assertEqual(found[-1] is None, i == 0 and bool(found[:-1]), reference)
+                if reference == (0, 0):
+                    self.assertLess(np.abs(mapped(mosaic.pose, ((200, 150),)) - (200 - x, 150 - y)).max(), 1.0)
+                seconds += 0.04
 
     def test_a_fixed_reference_is_seen_from_anywhere_unless_a_preset_is_set(self):
         tilt = np.float32([[0.25, -0.3, 200], [0.12, 0.75, 10], [0, 0, 1]])
@@ -570,6 +597,8 @@ class ModuleTest(unittest.TestCase):
                                         ('seconds is nan', camera, (640, 480), np.nan)):
             with self.assertRaisesRegex(ValueError, words):
                 ktgp.TargetPoses().find(found, k, size, seconds=seconds)
+        with self.assertRaisesRegex(ValueError, 'seconds is missing; expected the time of the image'):
+            ktgp.TargetPoses(0.02).find(found, camera, (640, 480))
         for readout in (-5.0, -0.5, 0.5, np.inf, np.nan):
             with self.assertRaisesRegex(ValueError, 'readout_time is'):
                 ktgp.TargetPoses(readout)

@@ -184,6 +184,18 @@ TEST(Repeats, OtherOptionsMatchTheSameImageAnew) {
   EXPECT_FALSE(matcher.match(test::viewAt(0, 20), 1.05).repeated);
 }
 
+TEST(Repeats, ARefusedImageDoesNotMakeTheMatcherForgetItsNewOptions) {
+  SequenceOptions options = sequenceOf(ReferenceMode::previous);
+  SequenceMatcher matcher(options);
+  matcher.match(test::viewAt(0, 20), 1.0);
+  options.orb.max_features = 100;
+  matcher.setOptions(options);
+  EXPECT_THROW(matcher.match(cv::Mat(test::kView, CV_8UC3), 1.01), std::invalid_argument);
+  const SequenceMatch& match = matcher.match(test::viewAt(0, 20), 1.02);
+  EXPECT_FALSE(match.repeated);
+  EXPECT_LE(match.frame->features.size(), 100U);
+}
+
 // A recording that is played in a loop, at a place where the camera stood still.
 TEST(Repeats, TheSameImageWithAStampThatWentBackIsANewFrame) {
   SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));

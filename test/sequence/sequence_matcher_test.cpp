@@ -204,15 +204,32 @@ TEST(SequenceMatcher, MatchesAcrossAChangeOfDescriptor) {
   expectTranslation(match.match.prosac.answer.homography, -kStepX, -kStepY);
 }
 
-// There is no image to extract other features from: refused, rather than compared.
-TEST(SequenceMatcher, RefusesFeaturesOfAnotherDescriptor) {
+// There is no image to extract other features from, and the two kinds cannot be compared.
+TEST(SequenceMatcher, FeaturesOfAnotherDescriptorBeginANewSequence) {
   OrbOptions options;
-  Features orb, teblid;
-  OrbExtractor(options).extract(view(0), orb);
+  const auto found = [&](int i) {
+    Features features;
+    OrbExtractor(options).extract(view(i), features);
+    return features;
+  };
+  for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
+    SequenceMatcher matcher(sequenceOf(mode));
+    options.descriptor = DescriptorKind::orb;
+    matcher.match(found(0), 0.0);
+    EXPECT_EQ(matcher.match(found(1), 0.1).match.status, Status::ok);
+    options.descriptor = DescriptorKind::teblid;
+    EXPECT_EQ(matcher.match(found(2), 0.2).no_reference, NoReference::encoding_changed);
+    EXPECT_EQ(matcher.match(found(3), 0.3).match.status, Status::ok);
+  }
+}
+
+TEST(SequenceMatcher, RefusesFeaturesOfAnotherDescriptorThanTheFixedReference) {
+  OrbOptions options;
+  Features teblid;
   options.descriptor = DescriptorKind::teblid;
   OrbExtractor(options).extract(view(1), teblid);
-  SequenceMatcher matcher(sequenceOf(ReferenceMode::previous));
-  matcher.match(orb, 0.0);
+  SequenceMatcher matcher(sequenceOf(ReferenceMode::fixed));
+  matcher.setFixedReference(frameOf(matcher, view(0)));
   EXPECT_THROW(matcher.match(teblid, 0.1), std::invalid_argument);
 }
 

@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <tuple>
 
+#include "features/orb/image_check.h"
 #include "features/orb/kernels.h"
 #include "features/orb/pipeline.h"
 #include "util/format.h"
@@ -27,7 +28,15 @@ void requireValid(const OrbOptions& options) {
   requireInRange("threads", options.threads, 0, 1024);
 }
 
-void requireValid(const cv::Mat& image, const cv::Mat& mask) {
+auto asTuple(const OrbOptions& o) {
+  return std::tie(o.max_features, o.scale_factor, o.levels, o.first_level, o.fast_threshold,
+                  o.fast_adaptive, o.descriptor, o.distribution, o.keypoints_per_cell, o.images,
+                  o.threads);
+}
+
+}  // namespace
+
+void orb::requireValid(const cv::Mat& image, const cv::Mat& mask) {
   if (image.type() != CV_8UC1) {
     throw std::invalid_argument("image is " + cv::typeToString(image.type()) +
                                 "; expected 8-bit grey (CV_8UC1)");
@@ -39,14 +48,6 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
         "; expected CV_8UC1 of the image's size, " + util::text(image.size()));
   }
 }
-
-auto asTuple(const OrbOptions& o) {
-  return std::tie(o.max_features, o.scale_factor, o.levels, o.first_level, o.fast_threshold,
-                  o.fast_adaptive, o.descriptor, o.distribution, o.keypoints_per_cell, o.images,
-                  o.threads);
-}
-
-}  // namespace
 
 bool OrbOptions::operator==(const OrbOptions& other) const {
   return asTuple(*this) == asTuple(other);
@@ -69,11 +70,12 @@ void OrbExtractor::extract(const cv::Mat& image, Features& features) {
   extract(image, cv::Mat(), features);
 }
 
-void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
+void OrbExtractor::extract(const cv::Mat& given, const cv::Mat& mask, Features& features) {
+  const cv::Mat image = given;  // `given` may be in features.images, which is cleared below
+  if (!image.empty()) orb::requireValid(image, mask);
   features.image_size = image.size();
   features.descriptor = options().descriptor;
   features.keypoints.clear();
-  if (!image.empty()) requireValid(image, mask);
   if (options().images == ImageKeeping::none) features.images.clear();
   if (pipeline_->extract(image, mask, features)) return;
   features.descriptors.release();

@@ -21,7 +21,7 @@ bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
 LevelCells::LevelCells(const cv::Size& level, int quota, int keypoints_per_cell)
     : width(level.width - 2 * kEdgeMargin), height(level.height - 2 * kEdgeMargin) {
   const double wanted = std::max(1.0, static_cast<double>(quota) / keypoints_per_cell);
-  const double side = std::sqrt(width * height / wanted);
+  const double side = std::sqrt(static_cast<double>(width) * height / wanted);
   columns = std::max(1, cvRound(width / side));
   rows = std::max(1, cvRound(height / side));
 }

@@ -259,6 +259,19 @@ TEST(OrbExtractor, RefusesUnusableInput) {
                std::invalid_argument);
 }
 
+TEST(OrbExtractor, TakesAnImageThatTheResultHolds) {
+  const cv::Mat image = test::blockImage(cv::Size(320, 240), 3);
+  Features expected, features;
+  OrbOptions options;
+  options.images = ImageKeeping::none;
+  OrbExtractor extractor(options);
+  extractor.extract(image, expected);
+  ASSERT_GT(expected.size(), 100U);
+  features.images = {image.clone()};
+  extractor.extract(features.images[0], features);
+  EXPECT_EQ(features.size(), expected.size());
+}
+
 OrbOptions sharingImages() {
   OrbOptions options;
   options.images = ImageKeeping::share;
