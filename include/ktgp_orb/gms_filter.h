@@ -76,10 +76,11 @@ class GmsFilter {
   const GmsOptions& options() const;
 
   /// Raises a match from Level::kt to Level::ktg if motion statistics support it. If the filter is
-  /// off, all matches of Level::kt are raised to Level::ktg. Matches of other levels are ignored.
-  /// The target image is what the GMS paper calls the left image. Throws std::invalid_argument,
-  /// before any change, if a frame with keypoints has an empty image size, or if a match has an
-  /// index that its frame does not have.
+  /// off, all matches of Level::kt are raised to Level::ktg, except those of keypoints whose
+  /// position is NaN (see Lens::rectify). Matches of other levels are ignored. The target image is
+  /// what the GMS paper calls the left image. Throws std::invalid_argument, before any change, if a
+  /// frame with keypoints has an empty image size, or if a match has an index that its frame does
+  /// not have.
   GmsResult filter(const Features& reference, const Features& target,
                    std::vector<Correspondence>& correspondences);
 

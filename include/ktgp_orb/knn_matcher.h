@@ -25,8 +25,7 @@ struct KnnOptions {
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2). At
 /// run time, it chooses the best instruction set that the processor has. The result depends neither
 /// on the instruction set nor on the number of threads. It needs 66 bytes of memory per reference
-/// descriptor and reuses this memory in the next call. The index of the reference is built again
-/// only if the descriptors (or, for matchNear, the positions) differ from the last call.
+/// descriptor and reuses this memory in the next call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class KnnMatcher {

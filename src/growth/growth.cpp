@@ -508,6 +508,7 @@ const GrowthOptions& HomographyGrowth::options() const {
 void HomographyGrowth::find(const Features& reference, const ReferenceViews* views,
                             const Features& target, const std::vector<Correspondence>& matches,
                             const std::optional<GrowthStart>& start, GrowthResult& result) {
+  requireSameDescriptor(reference, target);
   Impl& impl = *impl_;
   result.clear();
   impl.setReference(reference, views);

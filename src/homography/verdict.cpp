@@ -108,6 +108,10 @@ void requireFinite(const PointPairs& pairs) {
                                 std::to_string(pairs.quality.size()) +
                                 " qualities; expected three equal numbers");
   }
+  if (!(pairs.rounding >= 0.0 && std::isfinite(pairs.rounding))) {
+    throw std::invalid_argument("rounding of the point pairs is " + std::to_string(pairs.rounding) +
+                                "; expected a standard deviation of at least 0 px");
+  }
   for (std::size_t i = 0; i < n; ++i) {
     if (pairs.reference[i].allFinite() && pairs.target[i].allFinite() &&
         std::isfinite(pairs.quality[i])) {

@@ -554,6 +554,9 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   requireValid(reference, "reference");
   requireValid(target, "target");
   requireSameDescriptor(reference, target);
+  if (hints.prediction && !hints.prediction->allFinite()) {
+    throw std::invalid_argument("the prediction is not finite; expected a homography");
+  }
   result.descriptor = target.descriptor;
   impl_->run(reference, target, hints, result);
 }

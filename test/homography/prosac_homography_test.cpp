@@ -328,6 +328,11 @@ TEST(ProsacHomography, RefusesValuesThatAreNotFinite) {
       EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument) << bad;
     }
   }
+  for (const double bad : {std::nan(""), kInfinity, -1.0}) {
+    PointPairs of_rounding = good;
+    of_rounding.rounding = bad;
+    EXPECT_THROW(prosac.estimate(of_rounding, kSize, result), std::invalid_argument) << bad;
+  }
   PointPairs pairs = good;
   pairs.quality.pop_back();
   EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument);

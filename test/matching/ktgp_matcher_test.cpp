@@ -196,6 +196,60 @@ TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {
   EXPECT_EQ(status(frames.reference, makeFrames(0, 500, 6).target), Status::too_few_matches);
 }
 
+TEST(KtgpMatcher, LeavesOutKeypointsWithoutAPosition) {
+  for (const MatcherOptions& options :
+       {MatcherOptions(), MatcherOptions::robust(), MatcherOptions::slam()}) {
+    Frames frames = makeFrames(500, 100, 8);
+    for (std::size_t i = 0; i < 600; i += 7) {
+      frames.target.keypoints[i].pt = {NAN, NAN};
+      frames.reference.keypoints[(i + 3) % 600].pt = {NAN, NAN};
+    }
+    MatchResult result;
+    KtgpMatcher(options).match(frames.reference, frames.target, result);
+    ASSERT_EQ(result.status, Status::ok);
+    EXPECT_LT(test::cornerError(result.answer.homography, frames.truth, kSize), 1.0);
+    for (const Correspondence& c : result.correspondences) {
+      if (c.level < Level::ktg) continue;
+      EXPECT_FALSE(
+          std::isnan(frames.target.keypoints[static_cast<std::size_t>(c.target_index)].pt.x));
+    }
+  }
+}
+
+TEST(KtgpMatcher, RefusesAPredictionThatIsNotFiniteInEveryScene) {
+  const Frames frames = makeFrames(500, 0, 3);
+  MatchHints hints;
+  hints.prediction = Eigen::Matrix3d::Constant(std::nan(""));
+  MatchResult result;
+  Features none;
+  none.image_size = kSize;
+  for (const MatcherOptions& options : {MatcherOptions::robust(), MatcherOptions::slam()}) {
+    KtgpMatcher matcher(options);
+    EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, result),
+                 std::invalid_argument);
+    EXPECT_THROW(matcher.match(none, none, hints, result), std::invalid_argument);
+  }
+}
+
+TEST(KtgpMatcher, EveryStageRefusesOtherDescriptors) {
+  const Frames frames = makeFrames(50, 0, 7);
+  Features other = frames.target;
+  other.descriptor = DescriptorKind::teblid;
+  std::vector<Correspondence> matches;
+  KnnOptions near;
+  near.search_radius = 20.0;
+  EXPECT_THROW(KnnMatcher(near).matchNear(frames.reference, other, frames.truth, true, matches),
+               std::invalid_argument);
+  GuidedOptions guided;
+  guided.enabled = true;
+  EXPECT_THROW(GuidedMatcher(guided).match(frames.reference, other, frames.truth, matches),
+               std::invalid_argument);
+  GrowthResult grown;
+  EXPECT_THROW(HomographyGrowth(MatcherOptions::robust().growth)
+                   .find(frames.reference, nullptr, other, matches, std::nullopt, grown),
+               std::invalid_argument);
+}
+
 TEST(KtgpMatcher, RefusesMalformedFeaturesAndOtherDescriptors) {
   const Frames frames = makeFrames(20, 0, 7);
   Features broken = frames.reference;

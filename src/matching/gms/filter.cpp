@@ -53,11 +53,25 @@ bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
 
-/// Returns the result for a filter that is switched off: all matches pass.
-GmsResult passAll(std::vector<Correspondence>& correspondences) {
+/// Throws std::invalid_argument if the frame has no such keypoint.
+bool isPlaced(const Features& features, std::int32_t index, const char* frame) {
+  util::requireKeypoint(features, index, frame);
+  const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
+  return std::isfinite(point.x) && std::isfinite(point.y);
+}
+
+/// Returns the result for a filter that is switched off: all matches pass whose keypoints have a
+/// position.
+GmsResult passPlaced(const Features& reference, const Features& target,
+                     std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
     if (c.level != Level::kt) continue;
+    if (!isPlaced(reference, c.reference_index, "reference") ||
+        !isPlaced(target, c.target_index, "target")) {
+      ++result.outside_grid;
+      continue;
+    }
     c.level = Level::ktg;
     ++result.kept;
   }
@@ -219,7 +233,7 @@ const GmsOptions& GmsFilter::options() const {
 
 GmsResult GmsFilter::filter(const Features& reference, const Features& target,
                             std::vector<Correspondence>& correspondences) {
-  if (!impl_->options.enabled) return passAll(correspondences);
+  if (!impl_->options.enabled) return passPlaced(reference, target, correspondences);
   requireImageSize(reference, "reference");
   requireImageSize(target, "target");
   Impl& impl = *impl_;

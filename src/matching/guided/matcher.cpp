@@ -59,6 +59,7 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
                           const Eigen::Matrix3d& homography, std::vector<Correspondence>& matches) {
   requireValid(reference, "reference");
   requireValid(target, "target");
+  requireSameDescriptor(reference, target);
   knn::requireCountable(reference, "reference");
   knn::requireCountable(target, "target");
   matches.clear();

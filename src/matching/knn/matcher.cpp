@@ -48,6 +48,7 @@ void KnnMatcher::matchNear(const Features& reference, const Features& target,
                            std::vector<Correspondence>& correspondences) {
   requireValid(reference, "reference");
   requireValid(target, "target");
+  requireSameDescriptor(reference, target);
   if (!impl_->near) {
     throw std::invalid_argument(
         "search_radius is 0; expected a radius above 0 px for a search "
