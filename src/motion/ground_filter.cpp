@@ -137,6 +137,7 @@ void GroundFilter::predict(const Vector6& twist, const Matrix6& twist_covariance
   const Eigen::Matrix3d turn = rotationAbout(seconds * twist.tail<3>());
   const CameraPose next{last.axes * turn, last.position + seconds * (last.axes * twist.head<3>())};
   Matrix6 by_pose = Matrix6::Identity();
+  by_pose.topRightCorner<3, 3>() = -seconds * last.axes * crossed(twist.head<3>());
   by_pose.bottomRightCorner<3, 3>() = turn.transpose();
   Matrix6 by_twist = seconds * Matrix6::Identity();
   by_twist.topLeftCorner<3, 3>() *= last.axes;
@@ -170,6 +171,11 @@ void GroundFilter::moveBase(const Pose3& base, const Covariance6& covariance_of_
   for (const int i : {0, 1, 5}) {
     for (const int j : {0, 1, 5}) both(i, j) = covariance_of_base(i, j);
   }
+  // So far, x and y of `both` are those of the base. An error of the rotation moves the camera
+  // relative to the base.
+  Matrix6 to_camera = Matrix6::Identity();
+  to_camera.topRightCorner<2, 3>() = crossed(lever).topRows<2>();
+  both = propagated(to_camera, both);
   to_axes_of_ground.bottomRightCorner<3, 3>() = moved.axes;
   start(moved, propagated(to_axes_of_ground.transpose(), both));
 }
@@ -194,7 +200,8 @@ void GroundFilter::report(const Eigen::Vector3d& origin, const GroundMotionOptio
   slope.topRightCorner<3, 3>() = -axes * crossed(lever);
   slope.bottomRightCorner<3, 3>() = axes;
   const double scale_variance = options.scale_deviation * options.scale_deviation;
-  const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;
+  // An error of the scale changes the path of the camera, but not the lever.
+  const Eigen::Vector3d way = camera.position - origin;
   estimate.pose_covariance = propagated(slope, covariance());
   estimate.pose_covariance.topLeftCorner<3, 3>() += scale_variance * way * way.transpose();
 }

@@ -108,9 +108,9 @@ class GroundFilter {
   /// The newest pose in the odometry frame, and its covariance.
   CameraPose pose() const;
   Matrix6 covariance() const;
-  /// Writes the height and the pose of the base to `estimate`. `origin`: the point at which an
-  /// error of the scale (scale_deviation) has no effect; the effect grows with the distance from
-  /// this point.
+  /// Writes the height and the pose of the base to `estimate`. `origin`: the position of the camera
+  /// at which an error of the scale (scale_deviation) has no effect; the effect grows with the
+  /// distance from this point.
   void report(const Eigen::Vector3d& origin, const GroundMotionOptions& options,
               GroundEstimate& estimate) const;
   /// Standard deviation of the newest pose's tilt, rad: the larger of the values for the two

@@ -50,6 +50,10 @@ struct GroundMotion::Impl {
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus resume(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus placed(const GroundFrame& frame, const ImageMotion& image, GroundStatus status);
+  void setOrigin() {
+    origin = filter.pose().position;
+    origin.z() = 0.0;
+  }
   bool isTiltKnown() const { return estimate.tilt_deviation <= options.max_tilt_deviation; }
   GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
   void compareImu(const GroundFrame& frame, const ImageMotion& image);
@@ -88,8 +92,9 @@ struct GroundMotion::Impl {
   int looks_away = 0;      // number of successive DownReadings that point above the horizon
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
-  // Start of the motion, or the last position given to setPose(). A scale error (scale_deviation)
-  // has no effect here; its effect grows with the distance from this point.
+  // The point on the ground below the camera at the start, or at the last pose given to setPose().
+  // A scale error (scale_deviation) has no effect here; its effect grows with the distance from
+  // this point.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   motion::Velocity velocity;
   motion::Relief relief;
@@ -243,7 +248,7 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
   covariance.bottomRightCorner<3, 3>() =
       first.axes.transpose() * covariance.bottomRightCorner<3, 3>() * first.axes;
   filter.start(first, covariance);
-  origin = Eigen::Vector3d::Zero();
+  setOrigin();
   velocity.start(options);
   widenForReadings(frame);
   useReadings(frame);
@@ -259,8 +264,8 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   // The reference must have readings of its own. Those of this frame, with the doubt of the motion
   // in between, would leave the height and the tilt so uncertain that the correction by the next
   // readings is far beyond the range of its linearisation, which the covariance does not show.
-  const bool has_readings = (!frame.height || before.height) &&
-                            (!frame.down || (before.down && looksDown(before.down->direction)));
+  if (before.down && !looksDown(before.down->direction)) before.down.reset();
+  const bool has_readings = (!frame.height || before.height) && (!frame.down || before.down);
   const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp &&
                        frame.stamp > before_stamp && has_readings;
   const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
@@ -273,7 +278,10 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   }
   widenForReadings(begin);
   useReadings(begin);
-  if (!follows) return placed(frame, image, GroundStatus::resumed);
+  if (!follows) {
+    velocity.coast(estimate.gap, options);
+    return placed(frame, image, GroundStatus::resumed);
+  }
   filter.setKeyframe(image, true);
   const auto innovation = filter.advance(image);
   if (!innovation) estimate.homography_misfit = std::numeric_limits<double>::infinity();
@@ -359,12 +367,14 @@ void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
     more(2, 2) = frame.height->metres * frame.height->metres;
   }
   if (frame.down || !has_pose) {
-    const Eigen::Matrix3d& axes = filter.pose().axes;
     const Eigen::Vector3d level(1.0, 1.0, 0.0);
     more.bottomRightCorner<3, 3>() =
-        kUnknownTilt * kUnknownTilt * (axes.transpose() * level.asDiagonal() * axes);
+        kUnknownTilt * kUnknownTilt * (placed.axes.transpose() * level.asDiagonal() * placed.axes);
   }
-  filter.start(placed, filter.covariance() + more);
+  // The covariance of the rotation is about the axes of the camera.
+  Matrix6 to_placed = Matrix6::Identity();
+  to_placed.bottomRightCorner<3, 3>() = placed.axes.transpose() * filter.pose().axes;
+  filter.start(placed, util::propagated(to_placed, filter.covariance()) + more);
 }
 
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
@@ -423,7 +433,7 @@ void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   if (destination) {
     filter.moveBase(*destination, destination_covariance, options.camera_to_base.inverse());
-    origin << destination->translation().head<2>(), 0.0;  // the height is measured from the ground
+    setOrigin();
     destination.reset();
   }
   filter.setKeyframe(image, false);

@@ -41,8 +41,8 @@ Eigen::Vector2d velocityAt(const Vector8& flow, const Eigen::Vector2d& point) {
 Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t reference_stamp,
                      const cv::Size& size, const Eigen::Matrix3d& camera) {
   const Eigen::Matrix3d& homography = motion.homography;
-  const bool same_reference = reference_stamp == reference_stamp_ && stamp_ != 0;
-  const bool follows = reference_stamp == stamp_;
+  const bool same_reference = has_frame_ && reference_stamp == reference_stamp_;
+  const bool follows = has_frame_ && reference_stamp == stamp_;
   const std::int64_t since = same_reference ? stamp_ : reference_stamp;
   const Eigen::Matrix3d back =
       same_reference ? Eigen::Matrix3d(motion_.homography.inverse()) : Eigen::Matrix3d::Identity();
@@ -58,6 +58,7 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   // If an earlier stamp was ahead of its time, `seconds` is not positive; then no flow is computed.
   if (seconds > 0.0) follow(seen, slope * covariance * slope.transpose());
   if (!same_reference && !follows) reference_flow_ = flow_;
+  has_frame_ = true;
   stamp_ = stamp;
   reference_stamp_ = reference_stamp;
   motion_ = motion;

@@ -29,7 +29,8 @@ class Shutter {
   Vector8 correction(const cv::Size& size, const Eigen::Matrix3d& camera) const;
   void follow(const Vector8& seen, const Matrix8& noise);
 
-  std::int64_t stamp_ = 0;
+  bool has_frame_ = false;
+  std::int64_t stamp_ = 0;  // of the newest frame
   std::int64_t reference_stamp_ = 0;
   ImageMotion motion_;
   // Flow of the image: the entries of a matrix F row by row, with F(2,2) = 0. In a short time dt, a

@@ -28,6 +28,11 @@ void Velocity::start(const GroundMotionOptions& options) {
   covariance_.diagonal().tail<3>().setConstant(std::pow(options.turn_acceleration, 2));
 }
 
+void Velocity::coast(double seconds, const GroundMotionOptions& options) {
+  covariance_.diagonal().head<3>().array() += std::pow(options.acceleration * seconds, 2);
+  covariance_.diagonal().tail<3>().array() += std::pow(options.turn_acceleration * seconds, 2);
+}
+
 void Velocity::measure(const GroundFilter& filter, double seconds, double since_last,
                        double acceleration, bool is_flat) {
   const Vector6 last = twist_;
@@ -62,7 +67,8 @@ void Velocity::report(const GroundMotionOptions& options, GroundEstimate& estima
   slope.bottomRightCorner<3, 3>() = to_base;
   const double scale_variance = options.scale_deviation * options.scale_deviation;
   estimate.twist = slope * twist_;
-  const Eigen::Vector3d velocity = estimate.twist.head<3>();
+  // An error of the scale changes the velocity of the camera, but not the lever.
+  const Eigen::Vector3d velocity = to_base * twist_.head<3>();
   estimate.twist_covariance = propagated(slope, covariance_);
   estimate.twist_covariance.topLeftCorner<3, 3>() +=
       scale_variance * velocity * velocity.transpose();

@@ -17,6 +17,9 @@ class Velocity {
   void start(const GroundMotionOptions& options);
   /// Forgets the last velocity, because the next pose is not connected to it.
   void interrupt() { is_measured_ = false; }
+  /// Makes the velocity less certain: it was not measured for `seconds`, during which the camera
+  /// may have accelerated.
+  void coast(double seconds, const GroundMotionOptions& options);
   void beginKeyframe() { noise_.beginKeyframe(); }
   /// Measures the velocity between the filter's last two poses, which are `seconds` apart.
   /// `since_last`: time since the last velocity, s. `acceleration`: see GroundMotionOptions.

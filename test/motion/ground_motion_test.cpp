@@ -1394,6 +1394,174 @@ TEST(GroundMotion, ScaleErrorCountsForTheWholeWay) {
   EXPECT_NEAR(std::sqrt(estimate.twist_covariance(0, 0)), 0.02 * std::abs(estimate.twist(0)), 1e-3);
 }
 
+/// Frames of a base at the positions and angles (yaw, pitch, roll) of `at`, with exact readings.
+class StraightFlight : public test::GroundPictures {
+ public:
+  explicit StraightFlight(const Pose3& camera_to_base, double image_noise = 1e-6)
+      : GroundPictures(image_noise, 1), camera_to_base_(camera_to_base) {}
+
+  GroundFrame at(const Eigen::Vector3d& position, const Eigen::Vector3d& angles) {
+    const CameraPose pose = test::cameraAt(position, angles, camera_to_base_);
+    GroundFrame frame = seenFrom(pose);
+    frame.height.emplace();
+    frame.height->metres = pose.position.z();
+    frame.height->deviation = 1e-3;
+    frame.down.emplace();
+    frame.down->direction = -pose.axes.row(2).transpose();
+    frame.down->deviation = 1e-3;
+    return frame;
+  }
+
+ private:
+  Pose3 camera_to_base_;
+};
+
+Pose3 aheadOfTheBase(double ahead, double above) {
+  Pose3 pose = downward();
+  pose.translation() << ahead, 0.0, above;
+  return pose;
+}
+
+double deviationOf(const Covariance6& covariance, int i) {
+  return std::sqrt(covariance(i, i));
+}
+
+// The camera moves on a circle about the base, which stays on the ground.
+TEST(GroundMotion, AScaleErrorDoesNotChangeTheLever) {
+  const Pose3 ahead = aheadOfTheBase(1.0, 1.0);
+  GroundMotionOptions options = optionsWith(ahead);
+  options.scale_deviation = 0.05;
+  GroundMotion ground(options);
+  StraightFlight flight(ahead);
+  for (int i = 0; i < 60; ++i) {
+    GroundFrame frame = flight.at({0.0, 0.0, 0.0}, {i / kRate, 0.0, 0.0});
+    frame.height->metres *= 1.05;
+    const GroundEstimate& estimate = ground.add(frame);
+    if (i < 5) continue;
+    ASSERT_TRUE(estimate.hasTwist());
+    EXPECT_NEAR(estimate.twist(1), 0.05, 0.01) << "the camera seems to be on a larger circle";
+    EXPECT_LT(std::abs(estimate.twist(1)), 2.0 * deviationOf(estimate.twist_covariance, 1)) << i;
+    const Eigen::Vector3d position = estimate.base_to_odometry.translation();
+    EXPECT_LT(std::abs(position.z()), 2.0 * deviationOf(estimate.pose_covariance, 2)) << i;
+    EXPECT_LT(std::abs(position.y()), 2.0 * deviationOf(estimate.pose_covariance, 1) + 1e-3) << i;
+  }
+}
+
+// The picture of frame 20 has no homography and a normal that points to the sky.
+TEST(GroundMotion, ANormalThatPointsUpInAGapDoesNotTurnTheGroundOver) {
+  Flight flight(mounted(), 1e-6);
+  flight.scale = 0.1;
+  flight.keyframe_every = 1;
+  for (int i = 0; i < 60; ++i) {
+    const GroundEstimate& estimate = flight.step([&](GroundFrame& frame) {
+      if (i == 19 || i == 20) frame.answer.reset();
+      if (i == 20) turnAway(frame);
+      if (i == 21) frame.down.reset();
+    });
+    if (i > 2 && estimate.hasTwist()) {
+      EXPECT_LT(flight.velocityError(i, estimate).norm(), 0.1) << i;
+    }
+    if (i > 25) {
+      EXPECT_EQ(estimate.status, GroundStatus::ok) << i;
+    }
+  }
+}
+
+TEST(GroundMotion, ResultsDoNotDependOnTheEpoch) {
+  const auto last = [](std::int64_t first_stamp) {
+    Flight flight(mounted(), 1e-5);
+    GroundEstimate estimate;
+    for (int i = 0; i < 40; ++i) {
+      estimate = flight.step([&](GroundFrame& frame) {
+        frame.size = {640, 480};
+        frame.stamp += first_stamp - stampOf(0);
+        if (i > 0) frame.reference_stamp += first_stamp - stampOf(0);
+      });
+    }
+    return estimate;
+  };
+  const GroundEstimate at_zero = last(0);
+  const GroundEstimate later = last(1'000'000'000);
+  EXPECT_LT((at_zero.twist - later.twist).norm(), 1e-9);
+  EXPECT_NEAR(at_zero.readout_time, later.readout_time, 1e-9);
+  EXPECT_NEAR(at_zero.readout_deviation, later.readout_deviation, 1e-9);
+}
+
+TEST(GroundMotion, AnUnknownHeadingStaysUnknownInAGap) {
+  for (const double tilt : {0.0, 0.3}) {
+    GroundMotion ground(optionsWith(downward()));
+    StraightFlight flight(downward());
+    Covariance6 covariance = Covariance6::Zero();
+    covariance(5, 5) = 1.0;
+    const auto seen = [&](int i) {
+      // rolls while there is no homography
+      const double roll = tilt * std::clamp((i - 40) / 10.0, 0.0, 1.0);
+      return flight.at({10.0 * i / kRate, 0.0, 20.0}, {0.0, 0.0, roll});
+    };
+    for (int i = 0; i < 20; ++i) ground.add(seen(i));
+    ground.setPose(Pose3::Identity(), covariance);
+    ground.add(seen(20));
+    double way = 0.0;
+    for (int i = 21; i < 60; ++i) {
+      GroundFrame frame = seen(i);
+      if (i > 40 && i <= 50) frame.answer.reset();
+      const GroundEstimate& estimate = ground.add(frame);
+      if (!estimate.hasPose()) continue;
+      way = estimate.base_to_odometry.translation().head<2>().norm();
+      // The heading, and where the base is to the side.
+      EXPECT_NEAR(deviationOf(estimate.pose_covariance, 5), 1.0, 0.05) << i;
+      EXPECT_NEAR(deviationOf(estimate.pose_covariance, 1), way, 0.1 * way + 0.02) << i;
+    }
+    EXPECT_GT(way, 12.0);
+  }
+}
+
+TEST(GroundMotion, SetPoseGivesTheCovarianceOfTheBase) {
+  const Pose3 ahead = aheadOfTheBase(1.0, 0.5);
+  GroundMotion ground(optionsWith(ahead));
+  StraightFlight flight(ahead);
+  Covariance6 covariance = Covariance6::Zero();
+  covariance.diagonal() << 1e-4, 4e-4, 0.0, 0.0, 0.0, 0.25;
+  for (int i = 0; i < 20; ++i) ground.add(flight.at({0.01 * i, 0.0, 2.0}, {0.2, 0.05, -0.1}));
+  Pose3 wanted = Pose3::Identity();
+  wanted.linear() = motion::rotationAbout(Eigen::Vector3d(0.0, 0.0, 0.7));
+  ground.setPose(wanted, covariance);
+  const GroundEstimate& estimate = ground.add(flight.at({0.2, 0.0, 2.0}, {0.2, 0.05, -0.1}));
+  ASSERT_EQ(estimate.status, GroundStatus::ok);
+  EXPECT_NEAR(deviationOf(estimate.pose_covariance, 0), 0.01, 2e-3);
+  EXPECT_NEAR(deviationOf(estimate.pose_covariance, 1), 0.02, 2e-3);
+  EXPECT_NEAR(deviationOf(estimate.pose_covariance, 5), 0.5, 1e-2);
+  EXPECT_NEAR(estimate.pose_covariance(1, 5), 0.0, 1e-3);
+}
+
+// Every second picture is dark and has no readings.
+TEST(GroundMotion, AnOldVelocityBecomesLessCertain) {
+  Flight flight(mounted(), 1e-6);
+  flight.keyframe_every = 1;
+  double before = 0.0, after = 0.0;
+  for (int i = 0; i < 90; ++i) {
+    const GroundEstimate& estimate = flight.step([&](GroundFrame& frame) {
+      if (i > 30 && i % 2 == 0) {
+        frame.answer.reset();
+        frame.height.reset();
+        frame.down.reset();
+      }
+    });
+    if (i == 30) before = estimate.pose_covariance.topLeftCorner<2, 2>().trace();
+    if (i > 31 && estimate.hasPose()) {
+      EXPECT_FALSE(estimate.hasTwist());
+      after = estimate.pose_covariance.topLeftCorner<2, 2>().trace();
+      EXPECT_LT((estimate.base_to_odometry.translation() -
+                 inOdometry(flight.base(i), flight.base(1)).position)
+                    .head<2>()
+                    .norm(),
+                4.0 * std::sqrt(after) + 0.02)
+          << i;
+    }
+  }
+  EXPECT_GT(std::sqrt(after - before), 0.5);
+}
+
 TEST(GroundMotion, SetPoseMovesTheBase) {
   Flight flight(mounted(), 1e-5);
   flight.steps(30);
@@ -1438,7 +1606,7 @@ TEST(GroundMotion, SetPoseDoesNotUseTheHeight) {
   const GroundEstimate& estimate = flight.step();
   const double height = estimate.base_to_odometry.translation().z();
   EXPECT_NEAR(height, flight.base(30).position.z(), 1e-3);
-  EXPECT_NEAR(std::sqrt(estimate.pose_covariance(2, 2)), 0.02 * height, 1e-3);
+  EXPECT_NEAR(std::sqrt(estimate.pose_covariance(2, 2)), 0.02 * estimate.height, 1e-3);
 }
 
 TEST(GroundMotion, StampGoingBackRestarts) {
