@@ -55,7 +55,7 @@ struct MatcherOptions {
   static MatcherOptions robust();
   /// For a moving camera in a scene with depth: mutual nearest neighbours without ratio test and
   /// GMS, if two near matches confirm them. The matches are aligned one by one, and the geometry
-  /// that fits them best is estimated.
+  /// that fits them best is estimated. Use it with KeypointDistribution::uniform.
   static MatcherOptions slam();
 };
 

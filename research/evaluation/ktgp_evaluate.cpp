@@ -356,6 +356,10 @@ int evaluate(int argc, char** argv) {
   if (arguments.two_view && app.get_option("--methods")->count() == 0) {
     arguments.methods = two_view::methodNames();
   }
+  if (arguments.two_view &&
+      app.count("--preset") + app.count("--params") + app.count("--distribution") == 0) {
+    arguments.pipeline.orb.distribution = KeypointDistribution::uniform;  // as in preset slam
+  }
   cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {
     listMethods(arguments);

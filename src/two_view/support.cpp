@@ -56,7 +56,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   }
   const auto agreeing = static_cast<std::ptrdiff_t>(order_.size());
   for (std::uint32_t i = 0; i < count; ++i) {
-    if (!(chance[i] < 1.0)) order_.push_back(i);
+    if (chance[i] >= 1.0) order_.push_back(i);
   }
   std::sort(order_.begin(), order_.begin() + agreeing, [&](std::uint32_t a, std::uint32_t b) {
     return chance[a] != chance[b] ? chance[a] < chance[b] : a < b;

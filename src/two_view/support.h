@@ -23,8 +23,8 @@ class Support {
   /// log10 of the number of false alarms, the lowest over all choices of how many of the best pairs
   /// count as inliers; at most 0. `chance`: for each pair, the probability that it agrees with a
   /// wrong model at least as closely as with this model; above 1 if the pair does not agree with
-  /// this model. `sample`: number of pairs that determine a model. `models`: largest number of
-  /// models of a sample.
+  /// this model, NaN if it does not count. `sample`: number of pairs that determine a model.
+  /// `models`: largest number of models of a sample.
   double logFalseAlarms(const std::vector<double>& chance, std::size_t sample, double models);
 
   /// log10 of an upper bound on the number of false alarms of an epipole; at most 0. Any two of the

@@ -841,6 +841,48 @@ TEST(TwoView, TriangulatesWhatItSees) {
   EXPECT_GT(near, static_cast<int>(points.size()) * 95 / 100);
 }
 
+/// Pairs of a far scene, whose parallax is below 0.3 px, and of a few near points.
+struct FewNearPoints {
+  World world;
+
+  FewNearPoints(Numbers& numbers, std::size_t near) : world(Shape::turn, numbers, 600, 20, 0.15) {
+    const Eigen::Vector3d travel = randomVector(numbers).normalized();
+    PointPairs& pairs = world.pairs;
+    for (std::size_t i = 0; i < world.right; ++i) {
+      const double depth = (i < near ? 1.0 : 100.0) * numbers.uniform(20.0, 30.0);
+      const Eigen::Vector3d q = camera().inverse() * pairs.reference[i].homogeneous();
+      const Eigen::Vector2d u =
+          (camera() * (world.pose.rotation * q * depth + travel)).hnormalized();
+      pairs.target[i] = u + 0.15 * Eigen::Vector2d(numbers.normal(), numbers.normal());
+    }
+    world.pose.translation = travel;
+  }
+};
+
+TEST(TwoView, AFewNearPointsInFrontOfAFarSceneShowTheTravel) {
+  constexpr int kRuns = 40;
+  TwoViewEstimator estimator;
+  TwoView result;
+  for (const std::size_t near : {0U, 15U}) {
+    int travelled = 0, right = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Numbers numbers(500 + run);
+      const FewNearPoints scene(numbers, near);
+      estimator.estimate(scene.world.pairs, scene.world.input(), result);
+      if (result.geometry != Geometry::epipolar) continue;
+      ++travelled;
+      right += scene.world.directionError(result.pose) < 15.0 * kDegree || result.other ? 1 : 0;
+    }
+    std::printf("%zu near points: %d of %d travelled, %d right\n", near, travelled, kRuns, right);
+    if (near == 0) {
+      EXPECT_LE(travelled, 1);
+      continue;
+    }
+    EXPECT_GE(travelled, kRuns * 6 / 10);
+    EXPECT_GE(right, travelled * 9 / 10);
+  }
+}
+
 /// Sum and number of the normalised squared errors of points; the mean is 3 if the covariances are
 /// right.
 struct PointErrors {
