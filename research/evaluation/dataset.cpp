@@ -73,7 +73,7 @@ void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
     }
     if (endsIn(truth, kPointsEnding)) {
       pair.points = readPoints(truth);
-      pair.homography = homographyThrough(pair.points);
+      pair.homography = homographyThrough(pair.points, truth);
     } else {
       pair.homography = files::readHomography(truth);
     }
@@ -169,7 +169,17 @@ void addSubfolders(const fs::path& folder, Dataset& dataset) {
   }
 }
 
+constexpr const char* kRow = "`name imageA imageB truth`";
+
+/// What a file is instead of a list: "is a picture". Empty if it may be a list with mistakes.
+std::string otherThanAList(const std::string& file, const std::string& line) {
+  const std::string known = files::knownFormat(file);
+  const bool is_text = line.find('\0') == std::string::npos;
+  return known.empty() && !is_text ? "is not a text file" : known;
+}
+
 void addList(const fs::path& file, Dataset& dataset) {
+  constexpr int kMostBadLines = 10;
   std::ifstream in(file);
   if (!in) {
     dataset.problems.push_back(file.string() + ": cannot be opened");
@@ -178,15 +188,26 @@ void addList(const fs::path& file, Dataset& dataset) {
   const std::size_t before = dataset.pairs.size() + dataset.problems.size();
   const fs::path folder = file.parent_path();
   std::string line;
+  int bad_lines = 0;
   for (int number = 1; std::getline(in, line); ++number) {
-    std::istringstream words(line.substr(0, line.find('#')));
+    std::istringstream words(line.substr(0, line.find_first_of(std::string("#\0", 2))));
     std::vector<std::string> fields;
     for (std::string word; words >> word;) fields.push_back(word);
-    if (fields.empty()) continue;
-    if (fields.size() != 4) {
-      dataset.problems.push_back(file.string() + ":" + std::to_string(number) +
-                                 ": expected `name imageA imageB truth`");
-      continue;
+    const bool is_text = line.find('\0') == std::string::npos;
+    if (is_text && fields.empty()) continue;
+    if (!is_text || fields.size() != 4) {
+      const std::string other = otherThanAList(file.string(), line);
+      if (!other.empty()) {
+        dataset.problems.push_back(file.string() + ": " + other + "; expected a list with " + kRow +
+                                   " a line");
+        return;
+      }
+      dataset.problems.push_back(file.string() + ":" + std::to_string(number) + ": expected " +
+                                 kRow);
+      if (++bad_lines < kMostBadLines) continue;
+      dataset.problems.push_back(file.string() + ": " + std::to_string(bad_lines) +
+                                 " lines cannot be read; the rest of it was not read");
+      return;
     }
     addPair({file.stem().string(),
              fields[0],

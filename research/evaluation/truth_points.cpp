@@ -1,14 +1,15 @@
 #include "evaluation/truth_points.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <sstream>
-#include <stdexcept>
 
 #include "files/input.h"
 #include "homography/transform.h"
@@ -23,6 +24,43 @@ bool readRow(const std::string& line, AnnotatedPoint& p) {
   row >> p.reference.x() >> p.reference.y() >> p.target.x() >> p.target.y();
   std::string more;
   return row && !(row >> more) && p.reference.allFinite() && p.target.allFinite();
+}
+
+// Points nearer than this cannot be told apart, px: annotations are hardly more accurate.
+constexpr double kSamePlace = 1.0;
+
+using Points = std::vector<Eigen::Vector2d>;
+
+/// Returns true if all points but the one at `left_out` are within kSamePlace of one line.
+bool areOnALineWithout(std::size_t left_out, const Points& points) {
+  Points rest = points;
+  rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(left_out));
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& p : rest) middle += p / static_cast<double>(rest.size());
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const Eigen::Vector2d& p : rest) scatter += (p - middle) * (p - middle).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(scatter);
+  const Eigen::Vector2d across = axes.eigenvectors().col(0);
+  return std::all_of(rest.begin(), rest.end(), [&](const Eigen::Vector2d& p) {
+    return std::abs(across.dot(p - middle)) < kSamePlace;
+  });
+}
+
+/// Returns true if four of the points exist of which no three are on a line: unless all of them, or
+/// all but one, are on a line.
+bool determineAHomography(const Points& points) {
+  Points apart;
+  for (const Eigen::Vector2d& p : points) {
+    const bool is_new = std::all_of(apart.begin(), apart.end(), [&](const Eigen::Vector2d& other) {
+      return (p - other).norm() >= kSamePlace;
+    });
+    if (is_new) apart.push_back(p);
+  }
+  if (apart.size() < 4) return false;
+  for (std::size_t i = 0; i < apart.size(); ++i) {
+    if (areOnALineWithout(i, apart)) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -48,17 +86,24 @@ std::vector<AnnotatedPoint> readPoints(const std::string& file) {
   return points;
 }
 
-Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points) {
+Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points,
+                                  const std::string& file) {
+  Points in_reference, in_target;
   std::vector<cv::Point2d> from, to;
   for (const AnnotatedPoint& p : points) {
+    in_reference.push_back(p.reference);
+    in_target.push_back(p.target);
     from.emplace_back(p.reference.x(), p.reference.y());
     to.emplace_back(p.target.x(), p.target.y());
   }
-  const cv::Mat found = cv::findHomography(from, to);
+  cv::Mat found;
+  if (determineAHomography(in_reference) && determineAHomography(in_target)) {
+    found = cv::findHomography(from, to);
+  }
   if (found.empty()) {
-    throw std::invalid_argument(
-        "the annotated points determine no homography; expected four of "
-        "which no three lie on a line");
+    throw files::FileError(file,
+                           "the annotated points determine no homography; expected four of which "
+                           "no three are on a line");
   }
   Eigen::Matrix3d homography;
   cv::cv2eigen(found, homography);

@@ -13,9 +13,10 @@ namespace ktgp_orb::evaluation {
 /// are at least four rows of four finite numbers.
 std::vector<AnnotatedPoint> readPoints(const std::string& file);
 
-/// The homography (reference to target) that is nearest to the points. Throws std::invalid_argument
-/// if the points determine none.
-Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points);
+/// The homography (reference to target) that is nearest to the points of `file`. Throws FileError
+/// if the points determine none, because all of them, or all but one, are on a line.
+Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points,
+                                  const std::string& file);
 
 /// Mean distance in px of H x_reference from x_target; infinite if H maps a point to infinity.
 double meanTransferError(const Eigen::Matrix3d& homography,

@@ -36,6 +36,10 @@ std::string checkedBytes(const std::string& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+constexpr char kPicture[] = "is a picture";
+constexpr char kVideo[] =
+    "is a video; ktgp_bag matches a video that is given alone, and finds targets in it with "
+    "--targets";
 constexpr char kHeic[] =
     "is a HEIC (HEIF) picture, as telephones take; convert it to JPEG, for example with "
     "heif-convert";
@@ -67,7 +71,7 @@ constexpr KnownFormat kKnownFormats[] = {
     {0, "version https://git-lfs", "is a pointer of Git LFS; fetch the file with git lfs pull"},
     {0, "\x89MCAP0", kRos2},
     {0, "SQLite format 3", kRos2},
-    {0, "#ROSBAG V2", "is a bag of ROS 1; expected a picture"},
+    {0, "#ROSBAG V2", "is a bag of ROS 1; ktgp_bag matches bags"},
     {0, "#ROSBAG V1", "is a bag of format 1; convert it with 'rosbag fix'"},
     {0, "\x1F\x8B", "is packed with gzip; unpack it"},
     {0, "BZh", "is packed with bzip2; unpack it"},
@@ -127,6 +131,14 @@ std::string unreadableFormat(const std::string& file) {
   return {};
 }
 
+std::string knownFormat(const std::string& file) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(file, none)) return {};
+  if (isVideo(file)) return kVideo;
+  const std::string known = unreadableFormat(file);
+  return known.empty() && cv::haveImageReader(file) ? kPicture : known;
+}
+
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // ignored: an invalid name counts as a missing file
   const std::filesystem::file_status status = std::filesystem::status(file, none);
@@ -154,11 +166,9 @@ cv::Mat readPicture(const std::string& file, int flags) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
   if (picture.empty()) {
-    std::string known = unreadableFormat(file);
-    if (known.empty() && isVideo(file)) {
-      known = "is a video; ktgp_bag matches videos, and finds targets in them with --targets";
-    }
-    throw FileError(file, "cannot be read as an image" + (known.empty() ? "" : ": it " + known));
+    const std::string known = knownFormat(file);
+    const bool says_why = !known.empty() && known != kPicture;
+    throw FileError(file, "cannot be read as an image" + (says_why ? ": it " + known : ""));
   }
   if (!isUsual(picture)) {
     throw FileError(file, std::string("has ") + cv::depthToString(picture.depth()) +

@@ -22,6 +22,10 @@ void requireRegularFile(const std::string& file);
 /// the user can do: "is a HEIC picture; convert it ...". Empty for unknown formats.
 std::string unreadableFormat(const std::string& file);
 
+/// What a file is by its first bytes: "is a picture", "is a video", or a format of
+/// unreadableFormat(). Empty for other files, and for what is not a regular file.
+std::string knownFormat(const std::string& file);
+
 /// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. All pictures of this
 /// package are read with this function. Throws FileError if the picture cannot be read, if a JPEG
 /// or PNG is cut off, and for other depths (float, 32 bits), because nobody knows which of their

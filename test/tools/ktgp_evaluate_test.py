@@ -1,9 +1,11 @@
 """Runs ktgp_evaluate as a program."""
 import os
+import random
 import re
 import shutil
 import unittest
 
+import cv2
 from tool_case import HEIGHT, ToolCase, picture, translation, write_pgm
 
 SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
@@ -149,11 +151,42 @@ class KtgpEvaluate(ToolCase):
             self.assertIn(name, run.stderr)
         self.assertEqual(len(self.json()["problems"]), 4)
 
+    def test_annotated_points_on_a_line_are_named_and_the_rest_goes_on(self):
+        (self.folder / "annotated").mkdir()
+        for name, points in (("line", ((0, 0), (50, 25), (100, 50), (200, 100), (30, 90))),
+                             ("plane", ((0, 0), (200, 10), (20, 150), (210, 160)))):
+            write_pgm(self.folder / f"annotated/{name}A.pgm", picture(), 20, 20)
+            write_pgm(self.folder / f"annotated/{name}B.pgm", picture(), 13, 24)
+            self.write(f"annotated/{name}.points", "".join(f"{x} {y} {x + 7} {y - 4}\n" for x, y in points))
+        _, rows = self.rows("annotated", "--methods", "KTGP", code=1,
+                            words="annotated/line.points: the annotated points determine no homography")
+        self.assertEqual([r["pair"] for r in rows], ["plane"])
+        self.assertLess(float(rows[0]["corner_error"]), 1.0)
+
     def test_data_without_anything_usable(self):
         (self.folder / "empty").mkdir()
         self.write("list.txt", "only three words\n")
         for name in ("empty", "list.txt", "nowhere"):
             self.evaluate(name, code=1, words=name)
+
+    def test_what_is_no_list_is_named_in_a_line(self):
+        noise = random.Random(1).getrandbits(8 * 300000).to_bytes(300000, "little")
+        for name, content, words in (("noise", noise, "is not a text file"),
+                                     ("a.png", cv2.imencode(".png", picture())[1].tobytes(), "is a picture"),
+                                     ("words.pgm", b"P2\n1 1\n255\n7\n", "is a picture"),
+                                     ("a.mp4", b"\0\0\0\x18ftypisom" + bytes(100), "is a video"),
+                                     ("a.bag", b"#ROSBAG V2.0\n" + noise, "is a bag of ROS 1")):
+            (self.folder / name).write_bytes(content)
+            text = self.evaluate(name, code=1, words=(f"{name}: {words}", "expected a list")).stderr
+            self.assertLessEqual(text.count("\n"), 5 if name == "noise" else 1, text)
+
+    def test_of_a_list_ten_bad_lines_are_named(self):
+        for lines, words in ((10, "list.txt: 10 lines cannot be read; the rest of it was not read"), (9, "")):
+            self.write("list.txt", lines * "only three words\n" + "1-2 data/first/img1.pgm data/first/img2.pgm "
+                       "data/first/H1to2p\n")
+            run, rows = self.rows("list.txt", "--methods", "KT", code=1, words=words)
+            self.assertEqual(run.stderr.count("expected `name imageA"), lines)
+            self.assertEqual(len(rows), 10 - lines)
 
     def test_files_that_cannot_be_read_are_a_problem_each(self):
         os.mkfifo(self.folder / "data" / "pipe")

@@ -294,4 +294,4 @@ class KtgpFind(ToolCase):
         for name, begin in (("a.mp4", b"\0\0\0\x20ftypisom"), ("b.mkv", b"\x1a\x45\xdf\xa3"),
                             ("c.avi", b"RIFF\0\0\0\0AVI LIST")):
             (self.folder / name).write_bytes(begin + bytes(1000))
-            self.find(name, "posters", code=2, words="is a video; ktgp_bag matches videos, and finds targets in them")
+            self.find(name, "posters", code=2, words="is a video; ktgp_bag matches a video that is given alone, and finds targets in it")

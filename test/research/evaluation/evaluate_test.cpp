@@ -449,11 +449,41 @@ TEST(TruthPoints, NeedFourNumbersARowAndFourRows) {
 }
 
 TEST(TruthPoints, DetermineAHomographyUnlessOnALine) {
-  const Eigen::Matrix3d h = homographyThrough(readPoints(written(kRows)));
+  const Eigen::Matrix3d h = homographyThrough(readPoints(written(kRows)), "a.points");
   EXPECT_NEAR(h(0, 2) / h(2, 2), 10.0, 1e-9);
   EXPECT_NEAR(h(1, 2) / h(2, 2), 20.0, 1e-9);
   const std::vector<AnnotatedPoint> same(4, {{1, 2}, {3, 4}});
-  EXPECT_THROW(homographyThrough(same), std::invalid_argument);
+  const auto refused = [](const std::vector<AnnotatedPoint>& points) {
+    test::expectRefused<files::FileError>([&] { homographyThrough(points, "a.points"); },
+                                          "a.points: the annotated points determine no homography");
+  };
+  refused(same);
+  // Whole numbers near a line in every direction, in one of the images, and one point beside it.
+  for (int degrees = 0; degrees < 180; degrees += 7) {
+    const double angle = CV_PI * degrees / 180.0;
+    std::vector<AnnotatedPoint> points{{{500, 90}, {400, 120}}};
+    for (const double along : {-190.0, -70.0, 20.0, 150.0, 210.0}) {
+      const Eigen::Vector2d on_line(300.0 + std::round(along * std::cos(angle)),
+                                    200.0 + std::round(along * std::sin(angle)));
+      points.push_back({on_line, {along, 0.004 * along * along}});
+    }
+    refused(points);
+    for (AnnotatedPoint& point : points) std::swap(point.reference, point.target);
+    refused(points);
+  }
+  // Two of the points are at the same place.
+  const std::vector<AnnotatedPoint> twice{
+      {{0, 0}, {1, 1}}, {{0, 0}, {1, 1}}, {{100, 0}, {101, 1}}, {{0, 100}, {1, 101}}};
+  refused(twice);
+}
+
+TEST(TruthPoints, NeedNoFourWhichAreFarFromAllLines) {
+  // The corners of a triangle, and the middles of two sides.
+  std::vector<AnnotatedPoint> points;
+  for (const auto& [x, y] : {std::pair{0, 0}, {100, 0}, {0, 100}, {50, 0}, {50, 50}}) {
+    points.push_back({{x, y}, {x + 10, y + 20}});
+  }
+  EXPECT_NEAR(homographyThrough(points, "")(0, 2), 10.0, 1e-9);
 }
 
 TEST(TruthPoints, TheErrorIsTheMeanDistance) {
