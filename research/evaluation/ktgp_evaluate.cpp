@@ -182,15 +182,15 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->type_name("FILE");
   app.add_option("--jobs", arguments.jobs,
                  "pairs evaluated in parallel; times are accurate only with 1")
-      ->check(CLI::Range(1, 1024))
+      ->check(tools::wholeNumberIn(1, 1024))
       ->capture_default_str();
   app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
-      ->check(CLI::Range(1, 1000))
+      ->check(tools::wholeNumberIn(1, 1000))
       ->capture_default_str();
   CLI::Option* const longest =
       app.add_option("--longest-side", arguments.size.longest_side,
                      "reduce larger images, and the truth, to this size, px; 0: never")
-          ->check(CLI::Range(0, 100000))
+          ->check(tools::wholeNumberIn(0, 100000))
           ->capture_default_str();
   app.add_flag("--hpatches", arguments.hpatches,
                "the protocol of the papers on SuperGlue and LightGlue: shorter side 480 px, "
@@ -204,14 +204,14 @@ void addArguments(CLI::App& app, Arguments& arguments) {
           ->group(views);
   app.add_option("--apart", arguments.apart, "pairs of images so many rows of cameras.txt apart")
       ->delimiter(',')
-      ->check(CLI::Range(1, 1000))
+      ->check(tools::wholeNumberIn(1, 1000))
       ->needs(two_view)
       ->capture_default_str()
       ->group(views);
   app.add_option("--truth-deviation", arguments.truth_deviation,
                  "standard deviation of the true homographies at the corners, px; added to the "
                  "covariances that are compared with them")
-      ->check(CLI::Range(0.0, 100.0))
+      ->check(tools::numberIn({0.0, 100.0}))
       ->capture_default_str();
   app.add_flag("--list-methods", arguments.list_methods, "list the methods and exit");
   const char* const warps = "Warps";
@@ -221,7 +221,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->type_name("NAMES")
       ->group(warps);
   app.add_option("--warp-pairs", arguments.warp_pairs, "pairs of each kind; half are degraded")
-      ->check(CLI::Range(1, 1000000))
+      ->check(tools::wholeNumberIn(1, 1000000))
       ->capture_default_str()
       ->group(warps);
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")

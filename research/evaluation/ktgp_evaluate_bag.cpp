@@ -96,7 +96,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->capture_default_str();
   app.add_option("--drift-window", arguments.drift_window,
                  "frames over which homographies are multiplied, 0 = all")
-      ->check(CLI::Range(0, 1000000))
+      ->check(tools::wholeNumberIn(0, 1000000))
       ->capture_default_str();
   app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")
       ->type_name("FILE");

@@ -587,7 +587,7 @@ void addInputArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--longest_side", arguments.longest_side,
                  "make larger images of a pattern so small before anything else [px]; all results "
                  "are in px of the small ones")
-      ->check(tools::numberIn({32, 100000}));
+      ->check(tools::wholeNumberIn(32, 100000));
   tools::addCameraOption(app, "--camera", arguments.camera,
                          "K of the images without distortion, px, where there is no camera_info: "
                          "for the motion of the "

@@ -175,14 +175,14 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       "K of the image without distortion, px: also print the poses, in m where a target "
       "has a width, else in its widths");
   app.add_option("--features", arguments.options.orb.max_features, "most keypoints of the image")
-      ->check(CLI::Range(100, 100000))
+      ->check(wholeNumberIn(100, 100000))
       ->capture_default_str();
   app.add_option("--target-features", arguments.options.features,
                  "most keypoints of a target's image")
-      ->check(CLI::Range(50, 5000))
+      ->check(wholeNumberIn(50, 5000))
       ->capture_default_str();
   app.add_option("--max-instances", arguments.options.max_instances, "most copies of one target")
-      ->check(CLI::Range(1, 1000))
+      ->check(wholeNumberIn(1, 1000))
       ->capture_default_str();
   addCommonOptions(app, arguments.force);
 }

@@ -201,6 +201,13 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
   return std::visit([&](auto field) { return nlohmann::json(parameters.*field); }, row.field);
 }
 
+/// The name of an option as users write it. Is taken from get_lnames(), because get_name() is empty
+/// for options that --help does not show.
+std::string nameOf(const CLI::Option& option) {
+  const std::vector<std::string>& names = option.get_lnames();
+  return names.empty() ? option.get_name() : "--" + names.front();
+}
+
 /// Says which words of the command line nothing takes: options, or else more names than expected.
 std::string whatIsTooMuch(const CLI::App& app, const std::string& on_many_names) {
   std::vector<std::string> words = app.remaining();
@@ -309,6 +316,20 @@ CLI::Validator numberIn(const Limits& range) {
   return CLI::Validator(check, "in " + range.text());
 }
 
+CLI::Validator wholeNumberIn(int low, int high) {
+  const Limits range(low, high);
+  const auto check = [range](const std::string& text) -> std::string {
+    double number = 0.0;
+    int whole = 0;
+    if (!CLI::detail::lexical_cast(text, number)) return text + " is not a number";
+    if (!range.contains(number)) {
+      return text + " is out of range; expected a whole number in " + range.text();
+    }
+    return CLI::detail::lexical_cast(text, whole) ? "" : text + " is not a whole number";
+  };
+  return CLI::Validator(check, "in " + range.text());
+}
+
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet) {
   const std::string& name = option->get_lnames().front();
   const ParameterInfo& info = parameterOf(nodelet, name.substr(name.find('_') + 1));
@@ -332,6 +353,18 @@ void hideRareOptions(CLI::App& app) {
              " parameters (doc/parameters.md).\n\n" + app.get_footer());
 }
 
+/// Refuses an empty name of a file or preset, which would count as not given.
+void refuseEmptyNames(const CLI::App& app) {
+  for (const CLI::Option* const option : app.get_options()) {
+    const bool is_preset = option->check_lname("preset");
+    const bool is_file = option->get_positional() || option->get_type_name().rfind("FILE", 0) == 0;
+    const std::vector<std::string>& values = option->results();
+    if ((!is_preset && !is_file) || std::count(values.begin(), values.end(), "") == 0) continue;
+    throw CLI::ValidationError(nameOf(*option) + " is empty; expected a " +
+                               (is_preset ? "name" : "file"));
+  }
+}
+
 std::optional<int> parse(CLI::App& app, int argc, char** argv, const std::string& on_many_names) {
   app.name(std::filesystem::path(argv[0]).filename().string());
   app.set_help_flag("-h,--help,--help-all",
@@ -343,6 +376,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv, const std::string
     std::vector<std::string> words = completed(argc, argv);
     std::reverse(words.begin(), words.end());  // CLI11 expects the reversed order
     app.parse(std::move(words));
+    refuseEmptyNames(app);
   } catch (const CLI::ExtrasError& error) {
     return app.exit(CLI::Error(error.get_name(), whatIsTooMuch(app, on_many_names))) == 0 ? 0 : 2;
   } catch (const CLI::ParseError& error) {
@@ -354,10 +388,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv, const std::string
 files::OutputPlan planOutputs(const CLI::App& app, bool force) {
   files::OutputPlan::Given given;
   for (const CLI::Option* const option : app.get_options()) {
-    // Take the name from get_lnames(): get_name() is empty for options that --help does not show.
-    const std::vector<std::string>& names = option->get_lnames();
-    const std::string name = names.empty() ? option->get_name() : "--" + names.front();
-    for (const std::string& value : option->results()) given.push_back({name, value});
+    for (const std::string& value : option->results()) given.push_back({nameOf(*option), value});
   }
   return {force, std::move(given)};
 }

@@ -62,13 +62,17 @@ std::optional<Eigen::Matrix3d> cameraFrom(const std::vector<double>& camera);
 /// Refuses a value that is not a number, is NaN, or lies outside the range.
 CLI::Validator numberIn(const Limits& range);
 
+/// Refuses a value that is not a whole number, or that lies outside the range.
+CLI::Validator wholeNumberIn(int low, int high);
+
 /// Describes an option with the text, unit, range and choices of a parameter of `nodelet`. The
 /// option "--X_name" belongs to the parameter "name". Throws std::invalid_argument like
 /// parameterOf.
 CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
 
 /// Parses the command line. Returns nothing if the program should continue, otherwise the exit
-/// code: 0 after --help or --version, 2 if the command line is unusable. `on_many_names`: what may
+/// code: 0 after --help or --version, 2 if the command line is unusable, for example if the name of
+/// a file is empty, as a variable of a script that is not set makes it. `on_many_names`: what may
 /// be the cause of more names of files than the program takes; empty: nothing to add.
 std::optional<int> parse(CLI::App& app, int argc, char** argv,
                          const std::string& on_many_names = "");

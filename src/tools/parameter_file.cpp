@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "parameters/near_name.h"
+#include "util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -58,16 +59,31 @@ std::vector<std::string> namesOfParameters() {
   return names;
 }
 
+/// Throws std::invalid_argument for an argument of the launch files that is no parameter of the
+/// node: in a file of parameters, nothing would read it.
+void refuseArgument(const std::string& name, const YAML::Node& value) {
+  if (name != "preset" && name != "params") return;
+  throw std::invalid_argument(name + " is an argument, not a parameter; expected --" + name +
+                              (value.IsScalar() ? " " + value.Scalar() : ""));
+}
+
 void readYaml(const std::string& text, Parameters& parameters) {
-  // image_transport and queue_size concern the input of the node; params and preset are arguments
-  // of the launch files. As parameters, none of them changes the results, so skip them.
-  static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
+  // They concern the input of the node and do not change the results, so skip them.
+  static const std::set<std::string> of_input{"image_transport", "queue_size"};
   const YAML::Node all = parametersIn(onlyDocument(text));
-  if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
+  // An empty map is what `rosparam dump` writes of a node with a misspelt name.
+  if (!all.IsMap() || all.size() == 0) {
+    throw std::invalid_argument("sets no parameter; expected a line `name: value` for each");
+  }
+  std::vector<std::string> maps;
+  bool sets_a_parameter = false;
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
     // A map is a group of dynamic_reconfigure or holds the parameters of a plugin: skip it, too.
-    if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
+    if (entry.second.IsMap()) maps.push_back(name);
+    if (entry.second.IsMap() || of_input.count(name) > 0) continue;
+    refuseArgument(name, entry.second);
+    if (entry.second.IsNull()) throw std::invalid_argument(name + " is empty; expected a value");
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) {
       throw std::invalid_argument("there is no parameter " + name +
@@ -80,6 +96,12 @@ void readYaml(const std::string& text, Parameters& parameters) {
                                   "'; expected it without quotes");
     }
     setParameter(*row, entry.second.Scalar(), parameters);
+    sets_a_parameter = true;
+  }
+  if (!sets_a_parameter && !maps.empty()) {
+    throw std::invalid_argument("holds the parameters of " + util::joined(maps, " and of ") +
+                                "; expected those of one node alone, as `rosparam dump FILE "
+                                "/camera/matcher` writes them");
   }
 }
 

@@ -59,6 +59,11 @@ class KtgpFind(ToolCase):
         drawn = cv2.imread(self.path("drawn.png")).astype(int)
         self.assertGreater(np.median(abs(drawn[:, :, 0] - drawn[:, :, 2])), 30)
 
+    def test_a_number_that_is_not_whole_is_called_so(self):
+        for value, words in (("2000.0", "2000.0 is not a whole number"), ("many", "many is not a number"),
+                             ("99", "99 is out of range; expected a whole number in [100, 100000]")):
+            self.find("scene.pgm", "posters", "--features", value, code=2, words=words)
+
     def test_a_camera_gives_the_poses(self):
         f = 300.0
         camera = f"{f},{f},159.5,119.5"

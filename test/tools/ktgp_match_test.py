@@ -535,11 +535,41 @@ class KtgpMatch(PairCase):
                                ("&a {dictitems: *a}\n", "too deep"),
                                ("T_w: 0.7\nviews: 5\nT_w: 0.8\n", "T_w occurs twice; expected it once"),
                                ("{dictitems: {T_w: 0.7}, dictitems: {T_w: 0.8}}\n", "dictitems occurs twice"),
-                               ("T_w: 0.7\n---\nT_w: 0.8\n", "has 2 YAML documents; expected one")):
+                               ("T_w: 0.7\n---\nT_w: 0.8\n", "has 2 YAML documents; expected one"),
+                               ("T_w:\nT_G: 6.0\n", "T_w is empty; expected a value"),
+                               ("# nothing\n", "sets no parameter"), ("{}\n", "sets no parameter"),
+                               ("camera: {matcher: {}}\n", "sets no parameter")):
             self.write("bad.yaml", text)
             self.match("a.pgm", "b.pgm", "--params", "bad.yaml", code=2, words=("bad.yaml", expected))
         self.match("a.pgm", "b.pgm", "--params", "none.yaml", code=2, words="none.yaml")
         self.match("a.pgm", "b.pgm", "--preset", "best", code=2, words="ktgp, photo, robust, slam, teblid, video")
+
+    def test_a_file_of_several_nodes_is_refused(self):
+        """As rosparam dump writes it of the namespace of a camera."""
+        two = "matcher: {T_w: 0.71}\n%sstabilizer: {lag: 3}\n"
+        indented = "camera:\n" + "".join("  " + line + "\n" for line in (two % "").splitlines())
+        for text, names in ((two % "", "matcher and of stabilizer"), (indented, "matcher and of stabilizer"),
+                            (two % "image_transport: raw\n", "matcher and of stabilizer"),
+                            ("image_transport: raw\n" "matcher: {T_w: 0.71}\n", "matcher"),
+                            ("left: {matcher: {T_w: 0.7}}\nright: {matcher: {T_w: 0.8}}\n", "left and of right")):
+            self.write("two.yaml", text)
+            self.match("a.pgm", "b.pgm", "--params", "two.yaml", code=2, words=(
+                f"two.yaml: holds the parameters of {names}; expected those of one node alone, as `rosparam dump"))
+
+    def test_an_argument_in_a_parameter_file_is_refused_with_the_option(self):
+        for line, option in (("preset: robust", "--preset robust"), ("params: other.yaml", "--params other.yaml")):
+            self.write("p.yaml", "T_w: 0.71\n" + line + "\n")
+            self.match("a.pgm", "b.pgm", "--params", "p.yaml", code=2,
+                       words=f"p.yaml: {line.split(':')[0]} is an argument, not a parameter; expected {option}")
+
+    def test_an_empty_name_is_refused(self):
+        """As of a variable of a script that is not set."""
+        for option in ("--json", "--csv", "--draw", "--draw-stages", "--draw-final", "--params", "--ground-truth"):
+            for arguments in ((option, ""), (option + "=",)):
+                self.match("a.pgm", "b.pgm", *arguments, code=2, words=f"{option} is empty; expected a file")
+        self.match("a.pgm", "b.pgm", "--preset", "", code=2, words="--preset is empty; expected a name")
+        self.match("", "b.pgm", code=2, words="A is empty; expected a file")
+        self.match("a.pgm", "", code=2, words="B is empty; expected a file")
 
     def test_a_parameter_file_has_at_most_16_maps_around_the_parameters_and_a_megabyte(self):
         for maps, rest, expected in ((16, 0, ""), (17, 0, "nested too deeply"), (0, 1 << 20, ""),

@@ -463,6 +463,14 @@ class BagOutput(RecordingCase):
             for name in ("zzz", "x.xyz", "x.csv"):
                 self.refuses(option, name, words=expected)
 
+    def test_an_empty_name_is_refused(self):
+        for option in ("--csv", "--params", "--mosaic", "--stabilize", "--draw", "--motion", "--targets"):
+            self.refuses(option, "", words=f"{option} is empty; expected a file")
+        self.refuses("--mosaic", "map.png", "--mosaic_poses", "", words="--mosaic_poses is empty; expected a file")
+        self.refused("ktgp_bag", self.bag, "", words="OUT.bag is empty; expected a file")
+        self.refused("ktgp_bag", "", "out.bag", words="IN is empty; expected a file")
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--mask_image", "", "--roi=")  # none: the defaults
+
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
                 (("--calibration", "raw"), "--targets"), (("--lazy", "false"), "not expected: --lazy"),
