@@ -49,6 +49,28 @@ std::string endingOf(const std::string& path) {
   return ending;
 }
 
+/// Returns true if a picture with this ending is what it should be when it is read again. Formats
+/// that OpenCV knows may be for grey values or for floats only; some, such as Sun rasters, are
+/// written wrongly with four channels.
+bool canBeWritten(const std::string& ending, PictureKind kind) {
+  if (ending.empty()) return false;
+  constexpr double kGrey = 200.0;
+  constexpr double kTolerance = 5.0;  // JPEG and Radiance HDR are not exact
+  constexpr int kSide = 64;           // px; JPEG 2000 cannot be much smaller
+  const int type = kind == PictureKind::colour ? CV_8UC3 : CV_8UC4;
+  const cv::Mat picture(kSide, kSide, type, cv::Scalar(kGrey, kGrey, kGrey, 255.0));
+  try {
+    std::vector<unsigned char> bytes;
+    if (!cv::imencode(ending, picture, bytes)) return false;
+    const cv::Mat read = cv::imdecode(bytes, cv::IMREAD_COLOR);
+    const cv::Mat expected(kSide, kSide, CV_8UC3, cv::Scalar::all(kGrey));
+    return read.size() == expected.size() && read.type() == expected.type() &&
+           cv::norm(read, expected, cv::NORM_INF) <= kTolerance;
+  } catch (const cv::Exception&) {
+    return false;
+  }
+}
+
 bool isSameNode(const struct stat& a, const struct stat& b) {
   return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
@@ -185,10 +207,14 @@ void OutputPlan::write(const std::string& output) {
   outputs_.push_back(output);
 }
 
-void OutputPlan::writeImage(const std::string& output) {
-  if (!output.empty() && (endingOf(output).empty() || !cv::haveImageWriter(output))) {
+void OutputPlan::writeImage(const std::string& output, PictureKind kind) {
+  if (!output.empty() && !canBeWritten(endingOf(output), kind)) {
     throw FileError(
-        output, "does not have the ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
+        output, kind == PictureKind::colour
+                    ? "does not have the ending of a picture that can be written in colour; "
+                      "expected .png, .jpg, .tiff, .bmp or .ppm"
+                    : "does not have the ending of a picture that can be written with transparent "
+                      "parts; expected .png or .tiff");
   }
   write(output);
 }

@@ -8,6 +8,12 @@
 
 namespace ktgp_orb::files {
 
+/// Pictures have 8 bits a channel.
+enum class PictureKind {
+  colour,       ///< BGR
+  transparent,  ///< BGRA. A format without transparent parts, such as JPEG, leaves them black
+};
+
 /// Checks the files that a program reads and writes before the program begins its work. Refuses an
 /// output file that exists (unless `force`), is not a regular file, cannot be created, is also the
 /// value of another option, or is the same file as an input or another output, even through links.
@@ -27,8 +33,8 @@ class OutputPlan {
   /// Throws FileError.
   void write(const std::string& output);
   /// Like write(), but for a picture or a video. Also throws FileError if the file name has no
-  /// extension, or an extension whose format we cannot write.
-  void writeImage(const std::string& output);
+  /// extension, or an extension whose format we cannot write, or not for this kind of picture.
+  void writeImage(const std::string& output, PictureKind kind = PictureKind::colour);
   void writeVideo(const std::string& output);
 
  private:

@@ -240,6 +240,29 @@ std::string mosaicOf(const std::string& path, std::size_t number) {
   return (first.parent_path() / name).string();
 }
 
+namespace {
+
+/// The files of maps from `first` on that exist.
+std::vector<std::string> existingMaps(const std::string& path, std::size_t first) {
+  constexpr std::size_t kMost = 999;  // "map-2026.png" is rather a picture of that year
+  std::vector<std::string> maps;
+  std::error_code none;
+  for (std::size_t number = first; number <= kMost; ++number) {
+    const std::string map = mosaicOf(path, number);
+    if (std::filesystem::exists(std::filesystem::symlink_status(map, none))) maps.push_back(map);
+  }
+  return maps;
+}
+
+}  // namespace
+
+std::vector<std::string> furtherMaps(const std::string& path) {
+  if (path.empty()) return {};
+  std::vector<std::string> maps = existingMaps(path, 3);
+  maps.insert(maps.begin(), mosaicOf(path, 2));
+  return maps;
+}
+
 BagViews::BagViews(const ViewOptions& options, Reopen reopen, files::Outputs& outputs,
                    std::optional<sensor_msgs::CameraInfo> camera, Pixels pixels)
     : options_(options),
@@ -330,6 +353,9 @@ std::string BagViews::report() const {
         util::counted(mosaic_.keyframes(), "keyframe").c_str(),
         place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
         mosaic_.full() ? "; full, some was left out" : "");
+    for (const std::string& map : existingMaps(options_.mosaic, maps_ + 1)) {
+      text += map + ": is of an earlier run; remove it if it is not needed\n";
+    }
     if (repeated_ > 0) {
       text += options_.mosaic + ": " + util::counted(repeated_, "frame") +
               " not drawn, because the ground looks alike in several places\n";

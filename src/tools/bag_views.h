@@ -124,6 +124,9 @@ class SteadyVideo {
 
 /// Name of the file with map `number`, counted from 1: "map.png", "map-2.png", ...
 std::string mosaicOf(const std::string& path, std::size_t number);
+/// Names of the second map and of all later maps that exist, for example of an earlier run with
+/// more maps. Empty if `path` is.
+std::vector<std::string> furtherMaps(const std::string& path);
 
 /// Writes the steady video and the mosaic of a recording's images, with the same code as the
 /// nodelets.

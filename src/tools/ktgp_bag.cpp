@@ -507,9 +507,12 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.writeVideo(arguments.draw);
   plan.writeVideo(arguments.views.video);
   plan.write(arguments.views.warps);
-  plan.writeImage(arguments.views.mosaic);
-  // We do not know yet how many maps there will be, so check only the name of the second one.
-  if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
+  plan.writeImage(arguments.views.mosaic, files::PictureKind::transparent);
+  // We do not know yet how many maps there will be, so check the name of the second one, and those
+  // that exist: a later one is of an earlier run, and the third map would fail at the end.
+  for (const std::string& map : furtherMaps(arguments.views.mosaic)) {
+    plan.writeImage(map, files::PictureKind::transparent);
+  }
   plan.write(arguments.views.mosaic_poses);
   plan.write(arguments.motion.path);
 }

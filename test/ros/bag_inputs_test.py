@@ -357,6 +357,24 @@ class BagInputsTest(FolderCase):
         self.run_program(os.environ['KTGP_ORB_BAG'], bag, 'new.bag', '--mosaic', 'map.png', code=2,
                          words='map-2.png: exists')
 
+    def test_maps_of_an_earlier_run_are_refused_or_named(self):
+        bag = self.write_bag()
+        for name in ('map-3.png', 'map-12.png', 'map-2026.png', 'map-x.png'):
+            self.write(name, 'mine')
+        before = sorted(os.listdir(self.folder))
+        self.run_program(os.environ['KTGP_ORB_BAG'], bag, 'out.bag', '--mosaic', 'map.png', code=2,
+                         words='map-3.png: exists; expected a new name, or --force')
+        self.assertEqual(sorted(os.listdir(self.folder)), before)
+        text = self.run_bag(bag, '--mosaic', 'map.png', words=('map-3.png: is of an earlier run',
+                                                               'map-12.png: is of an earlier run'))
+        self.assertEqual(text.count('is of an earlier run'), 2)
+        self.assertEqual(self.read('map-3.png'), 'mine')
+
+    def test_a_map_of_an_earlier_run_that_is_also_read_is_never_replaced(self):
+        for i, picture in enumerate(views(4)):
+            cv2.imwrite(self.path('map-%d.png' % (i + 3)), picture)
+        self.run_bag('map-*.png', '--mosaic', 'map.png', code=2, words='map-3.png: is the input map-3.png')
+
     def test_the_mosaic_of_a_camera_that_only_turns_is_a_panorama(self):
         turns = [view_turned(angle, 250.0, 1.0, *SIZE) for angle in range(-36, 37, 2)]
         bag = self.write_bag(turns)

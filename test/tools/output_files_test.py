@@ -298,9 +298,14 @@ class MatchOutput(OutputCase):
 
     def test_an_ending_that_is_no_pictures_is_refused_before_any_work(self):
         self.write("text.png", "no image")  # would be read first
-        for name in ("out", "out.xyz", "out.csv"):
+        for name in ("out", "out.xyz", "out.csv", "out.pgm", "out.pbm", "out.exr"):
             for option in ("--draw", "--draw-stages", "--draw-final"):
                 self.refused("ktgp_match", "text.png", "b.pgm", option, name, words="expected .png")
+
+    def test_matches_are_drawn_with_each_ending_that_is_recommended(self):
+        for ending in ("png", "JPG", "tiff", "bmp", "ppm", "hdr"):
+            self.run_tool("ktgp_match", "a.pgm", "b.pgm", "--draw", f"out.{ending}")
+            self.assertIsNotNone(cv2.imread(self.path(f"out.{ending}")), ending)
 
     def test_names_that_are_not_utf_8_are_written(self):
         name = os.fsencode(self.folder) + b"/caf\xe9.pgm"
@@ -462,6 +467,13 @@ class BagOutput(RecordingCase):
         for option, expected in (("--mosaic", "expected .png"), ("--stabilize", "expected .mp4")):
             for name in ("zzz", "x.xyz", "x.csv"):
                 self.refuses(option, name, words=expected)
+        for ending in ("ppm", "pnm", "pgm", "pbm", "pfm", "hdr", "pic", "exr", "ras"):
+            self.refuses("--mosaic", f"map.{ending}", words="with transparent parts; expected .png or .tiff")
+
+    def test_a_mosaic_is_written_with_each_ending_that_is_accepted(self):
+        for ending in ("png", "PNG", "tiff", "jpg", "bmp"):
+            self.run_tool("ktgp_bag", self.bag, "out.bag", "--mosaic", f"map.{ending}", "--force")
+            self.assertGreater(np.median(cv2.imread(self.path(f"map.{ending}"))), 20, ending)
 
     def test_an_empty_name_is_refused(self):
         for option in ("--csv", "--params", "--mosaic", "--stabilize", "--draw", "--motion", "--targets"):
