@@ -16,6 +16,8 @@
 
 #include "bag/name_order.h"
 #include "files/input.h"
+#include "files/tiff_pages.h"
+#include "util/counted.h"
 #include "util/printable.h"
 
 namespace ktgp_orb {
@@ -258,7 +260,8 @@ class Video : public ImageSource {
 std::vector<std::string> filesOf(const std::string& pattern) {
   glob_t found{};
   std::vector<std::string> files;
-  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+  // The shell does not replace ~ in a quoted pattern.
+  if (glob(pattern.c_str(), GLOB_TILDE, nullptr, &found) == 0) {
     files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
   }
   globfree(&found);
@@ -304,12 +307,17 @@ class Images : public ImageSource {
     const auto& [file, stamp] = files_[next_++];
     try {
       cv::Mat image = files::readPicture(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
+      if (files::pagesIn(file) > 1 && with_pages_++ == 0) first_with_pages_ = file;
+      const cv::Size in_file = image.size();
       const double scale = static_cast<double>(longest_side_) / std::max(image.cols, image.rows);
       if (scale > 0.0 && scale < 1.0) {
         const auto side = [scale](int length) { return std::max(1, cvRound(scale * length)); };
         cv::resize(image, image, {side(image.cols), side(image.rows)}, 0, 0, cv::INTER_AREA);
       }
-      return recorded(image, stamp);
+      RecordedImage result = recorded(image, stamp);
+      result.x_scale = static_cast<double>(image.cols) / in_file.width;
+      result.y_scale = static_cast<double>(image.rows) / in_file.height;
+      return result;
     } catch (const files::FileError& error) {
       return RecordedImage{nullptr, stamp, error.what()};
     }
@@ -317,11 +325,18 @@ class Images : public ImageSource {
 
   std::size_t total() const override { return files_.size(); }
   std::string damage() const override { return {}; }
-  std::string note() const override { return note_; }
+  std::string note() const override {
+    if (with_pages_ == 0) return note_;
+    return (note_.empty() ? "" : note_ + "; ") + files::noteOnPages(first_with_pages_) +
+           (with_pages_ > 1 ? ", as of " + util::counted(with_pages_ - 1, "more file", "more files")
+                            : "");
+  }
 
  private:
   int longest_side_;
   std::string note_;
+  std::string first_with_pages_;
+  std::size_t with_pages_ = 0;  // files of which only the first page was used
   std::vector<std::pair<std::string, ros::Time>> files_;
   std::size_t next_ = 0;
 };

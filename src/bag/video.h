@@ -24,7 +24,8 @@ std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelecti
 
 /// Opens all images whose names match the pattern, sorted by number ("img2.png" before
 /// "img10.png"), as a recording with `rate` images per second. Shrinks images whose longer side
-/// exceeds `longest_side` pixels; 0: no limit. Throws UnusableBag.
+/// exceeds `longest_side` pixels; 0: no limit. A ~ at the beginning is the home folder. Throws
+/// UnusableBag.
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
                                         double rate, int longest_side);
 

@@ -22,6 +22,7 @@
 #include "bag/video.h"
 #include "files/input.h"
 #include "files/output_file.h"
+#include "files/tiff_pages.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/status.h"
 #include "matching/standing/standing.h"
@@ -86,6 +87,15 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   return openBag(arguments.in, arguments.selection);
 }
 
+/// Makes the K of photographs that of the smaller images of --longest_side. The middle of the first
+/// pixel has the coordinates 0, 0, so its corner is at -0.5.
+void scaleK(double x, double y, sensor_msgs::CameraInfo::_K_type& k) {
+  k[0] *= x;
+  k[2] = (k[2] + 0.5) * x - 0.5;
+  k[4] *= y;
+  k[5] = (k[5] + 0.5) * y - 0.5;
+}
+
 /// The camera_info made from --camera and the size of the first usable image; empty without the
 /// option.
 std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
@@ -100,6 +110,7 @@ std::optional<sensor_msgs::CameraInfo> givenCamera(const Arguments& arguments) {
   info.height = first->image->height;
   info.distortion_model = "plumb_bob";
   for (int i = 0; i < 9; ++i) info.K[static_cast<std::size_t>(i)] = (*camera)(i / 3, i % 3);
+  scaleK(first->x_scale, first->y_scale, info.K);
   // Throws if K is impossible.
   lensFrom(info);
   return info;
@@ -269,6 +280,7 @@ class Run {
       if (status != Status::no_reference && status != Status::too_few_features) unmatched += count;
       others +=
           (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " + toString(status);
+      if (status == Status::no_reference) others += reasons();
     }
     if (repeated_ > 0) {
       others += "\n" + util::counted(repeated_, "image repeats the one before, and is no new frame",
@@ -289,6 +301,18 @@ class Run {
            util::format(", median of %.0f inliers, %.2f ms an image", metrics::median(inliers_),
                         metrics::median(milliseconds_)) +
            others + '\n';
+  }
+
+  /// Why images had no reference, for example " (first_frame: 1, size_changed: 5)". Empty if it was
+  /// only the first image, as in every recording.
+  std::string reasons() const {
+    if (reasons_.size() == 1 && reasons_.count(NoReference::first_frame) > 0) return {};
+    std::string text;
+    for (const auto& [reason, count] : reasons_) {
+      text += (text.empty() ? " (" : ", ") + std::string(toString(reason)) + ": " +
+              std::to_string(count);
+    }
+    return text + ")";
   }
 
   /// Advice on max_reference_age if many images come so late after the image before that they have
@@ -378,6 +402,7 @@ class Run {
     const auto status = static_cast<Status>(statistics.status);
     ++statuses_[status];
     milliseconds_.push_back(statistics.total_milliseconds);
+    if (status == Status::no_reference) ++reasons_[static_cast<NoReference>(statistics.reason)];
     if (status != Status::ok) return;
     inliers_.push_back(statistics.inliers);
     ++geometries_[static_cast<Geometry>(statistics.geometry)];
@@ -410,6 +435,7 @@ class Run {
   std::size_t matched_ = 0;
   int longer_side_ = 0;  // px
   std::map<Status, std::size_t> statuses_;
+  std::map<NoReference, std::size_t> reasons_;  // why images had no reference
   std::map<Geometry, std::size_t> geometries_;
   std::map<Doubt, std::size_t> doubts_;
   std::vector<double> inliers_;       // number of inliers of each match with a geometry
@@ -517,9 +543,22 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.write(arguments.motion.path);
 }
 
+/// Names the files of which only the first page is used. The images of a pattern are read later,
+/// and are then named by their source.
+void notePages(const Arguments& arguments) {
+  std::vector<std::string> names = filesOfTargets(arguments.targets.path);
+  names.insert(names.end(), {arguments.in, arguments.parameters.reference_image,
+                             arguments.parameters.mask_image});
+  for (const std::string& file : names) {
+    const std::string note = files::noteOnPages(file);
+    if (!note.empty()) std::cerr << "ktgp_bag: " << note << '\n';
+  }
+}
+
 int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   tools::stopWhenInterrupted();
   checkFiles(plan, arguments);
+  notePages(arguments);
   if (!arguments.motion.path.empty() && kindOf(arguments.in) != InputKind::bag) {
     throw std::invalid_argument(arguments.in +
                                 ": --motion needs camera_info, which only a bag has");
@@ -589,10 +628,11 @@ void addInputArguments(CLI::App& app, Arguments& arguments) {
       ->check(tools::numberIn({0.001, 10000.0}));
   app.add_option("--longest_side", arguments.longest_side,
                  "make larger images of a pattern so small before anything else [px]; all results "
-                 "are in px of the small ones")
+                 "are in px of the small ones, but --camera is that of the files")
       ->check(tools::wholeNumberIn(32, 100000));
   tools::addCameraOption(app, "--camera", arguments.camera,
-                         "K of the images without distortion, px, where there is no camera_info: "
+                         "K of the images without distortion, px of the files, where there is no "
+                         "camera_info: "
                          "for the motion of the "
                          "camera (--geometry auto, --preset slam), poses of targets, and panoramas "
                          "(--mosaic)");

@@ -8,6 +8,7 @@
 #include "files/input.h"
 #include "files/output_file.h"
 #include "files/target_list.h"
+#include "files/tiff_pages.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
@@ -109,6 +110,18 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
           {"milliseconds", frame.milliseconds},
           {"at_limit", frame.at_limit},
           {"detections", detections}};
+}
+
+/// Names the files of which only the first page is used.
+void notePages(const std::string& image, const std::vector<TargetEntry>& entries) {
+  std::vector<std::string> names{image};
+  for (const TargetEntry& entry : entries) {
+    names.insert(names.end(), entry.files.begin(), entry.files.end());
+  }
+  for (const std::string& file : names) {
+    const std::string note = files::noteOnPages(file);
+    if (!note.empty()) std::cerr << "ktgp_find: " << note << '\n';
+  }
 }
 
 bool isFound(const TargetFrame& frame) {
@@ -222,6 +235,7 @@ int findTargets(int argc, char** argv) {
     util::requireK("--camera", *camera, image.size());
     util::requirePrincipalPoint("--camera", *camera, image.size());
   }
+  notePages(arguments.image, entries);
   TargetFinder finder(arguments.options);
   const std::vector<std::string> refused = addTargets(entries, finder);
   for (const std::string& reason : refused) std::cerr << "ktgp_find: " << reason << '\n';

@@ -13,6 +13,7 @@
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
+#include "files/tiff_pages.h"
 #include "homography/transform.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/overlay.h"
@@ -74,6 +75,10 @@ Outcome run(Arguments& arguments) {
     outcome.truth = files::readHomography(arguments.ground_truth);
   const cv::Mat reference = files::readGrey(arguments.reference);
   const cv::Mat target = files::readGrey(arguments.target);
+  for (const std::string& file : {arguments.reference, arguments.target}) {
+    const std::string note = files::noteOnPages(file);
+    if (!note.empty()) std::fprintf(stderr, "ktgp_match: %s\n", note.c_str());
+  }
   const PipelineOptions& options = arguments.pipeline;
   MatchHints hints;
   hints.reference_camera = cameraFrom(arguments.camera);

@@ -23,7 +23,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
 sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
-from tool_case import FAR, NEAR, OVER_A_PLANE, FolderCase, corners_off, mapped, shift, tilted_plane, two_depths  # noqa: E402, F401
+from tool_case import (FAR, NEAR, OVER_A_PLANE, FolderCase, corners_off, mapped, shift, tilted_plane,  # noqa: E402, F401
+                       two_depths, write_tiff)
 
 # s; limit for any expected message on a busy machine; less for mutation tests
 TIMEOUT = float(os.environ.get('KTGP_ORB_TEST_TIMEOUT', '120'))

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-from ktgp_testing import FolderCase, images_of, messages_of, view, views, write_bag
+from ktgp_testing import FolderCase, images_of, messages_of, view, views, write_bag, write_tiff
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
 ROOT = os.path.realpath(os.path.join(os.path.dirname(os.path.abspath(__file__)), '../..'))
@@ -239,6 +239,48 @@ class VideoTest(RecordingCase):
                    words='1 image of /camera/image_raw matched')
         found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
         self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
+
+    def test_the_camera_is_that_of_the_photographs_when_they_are_made_smaller(self):
+        scene = [cv2.resize(picture, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC) for picture in pictures(3)]
+        self.write_images('%d.png', scene)
+        cv2.imwrite(self.path('poster.png'), view(110, 110, 220, 150))
+        self.write('targets.yaml', '- {id: poster, image: poster.png, width: 0.22}\n')
+        (self.folder / 'small').mkdir()
+        for i, picture in enumerate(scene):  # 1280x960 px
+            cv2.imwrite(self.path('small', '%d.png' % i), cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA))
+        positions = []
+        for images, options in (('images/*', ('1000,1004,647.5,487.5', '--longest_side', '320')),
+                                ('small/*', ('250,251,161.5,121.5',))):
+            self.match(images, 'out.bag', '--force', '--targets', 'targets.yaml', '--camera', *options)
+            positions.append([(p.x, p.y, p.z) for message in messages_of(self.path('out.bag'), '/camera/targets/detections')
+                              for p in [each.pose.pose.position for each in message.detections]])
+        self.assertEqual(len(positions[1]), 3)
+        np.testing.assert_allclose(positions[0], positions[1], rtol=1e-9)
+
+    def test_pages_that_are_not_used_are_counted(self):
+        (self.folder / 'images').mkdir()
+        for i in range(4):
+            write_tiff(self.path('images', '%d.tiff' % i), view(100 + 5 * i, 100, *SIZE), (0, 0) if i else (0,))
+        text = self.match('images/*', 'out.bag', words=(
+            'ktgp_bag: images/1.tiff: has 2 pages; only the first is used, as of 2 more files')).stderr
+        self.assertEqual(text.count('pages'), 1)
+
+    def test_a_quoted_pattern_may_begin_with_the_home_folder(self):
+        self.write_images('%d.png', pictures(4))
+        self.match('~/images/*.png', 'out.bag', env=dict(os.environ, HOME=str(self.folder)), words='4 images of')
+
+    def test_why_images_have_no_reference_is_said(self):
+        small, large = pictures(4), [cv2.resize(each, (400, 300)) for each in pictures(4)]
+        self.write_images('%d.png', (each for pair in zip(small, large) for each in pair))
+        self.match('images/*', 'out.bag', words='; without: 8 no_reference (first_frame: 1, size_changed: 7)')
+        self.match('images/?.png', 'same.bag', '--longest_side', '320', words='; without: 1 no_reference\n')
+
+    def test_a_video_in_a_pattern_is_told_from_pictures(self):
+        self.write_images('%d.png', pictures(3))
+        self.write_video('images/3.mp4')
+        self.match('images/*', 'out.bag', code=1, words=(
+            '3 images of /camera/image_raw matched, 1 refused',
+            'images/3.mp4: cannot be read as an image: it is a video; ktgp_bag matches a video that is given alone'))
 
     def test_large_photographs_that_are_not_recognised_are_named_once(self):
         noise = np.random.RandomState(1)

@@ -5,7 +5,7 @@ import zlib
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, WIDTH, ToolCase, corners_off, mapped, picture, shift, window, write_pgm
+from tool_case import HEIGHT, WIDTH, ToolCase, corners_off, mapped, picture, shift, window, write_pgm, write_tiff
 
 
 def png_of_palette(grey, is_shown):
@@ -63,6 +63,13 @@ class KtgpFind(ToolCase):
         for value, words in (("2000.0", "2000.0 is not a whole number"), ("many", "many is not a number"),
                              ("99", "99 is out of range; expected a whole number in [100, 100000]")):
             self.find("scene.pgm", "posters", "--features", value, code=2, words=words)
+
+    def test_pages_that_are_not_used_are_counted(self):
+        write_tiff(self.folder / "scene.tiff", window(picture(2), 13, 24), (0, 0))
+        write_tiff(self.folder / "posters/last.tiff", window(picture(5), 20, 20), (0, 0, 0))
+        run = self.find("scene.tiff", "posters", prints="poster1 0: ok")
+        self.assertEqual(run.stderr, "ktgp_find: scene.tiff: has 2 pages; only the first is used\n"
+                         f"ktgp_find: {os.path.realpath(self.path('posters/last.tiff'))}: has 3 pages; only the first is used\n")
 
     def test_a_camera_gives_the_poses(self):
         f = 300.0

@@ -1,12 +1,13 @@
 """Runs ktgp_match as a program."""
 import os
 import re
+import struct
 import subprocess
 
 import cv2
 import numpy as np
 from tool_case import (HEIGHT, OVER_A_PLANE, SOURCE, TOOLS, WIDTH, PairCase, corners_off, mapped, picture, shift,
-                       tilted_plane, two_depths, write_pgm)
+                       tilted_plane, two_depths, window, write_pgm, write_tiff)
 
 SKY = 800, 600  # px
 
@@ -455,6 +456,21 @@ class KtgpMatch(PairCase):
                 (("a.pgm", "b.pgm", "--draw", "overlay.nope"), "overlay.nope")):
             run = self.match(*arguments, code=2, words=name)
             self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
+
+    def test_pages_that_are_not_used_are_counted(self):
+        grey = window(picture(), 20, 20)
+        for order in "<>":
+            for big in (False, True):
+                for kinds, pages in (((0,), 1), ((0, 0, 2), 3), ((0, 1, 1), 1), ((2, 1, 4, 2), 2)):
+                    with self.subTest(order=order, big=big, kinds=kinds):
+                        write_tiff(self.folder / "a.tiff", grey, kinds, order, big)
+                        text = self.match("a.tiff", "b.pgm").stderr
+                        self.assertEqual(text, "" if pages == 1 else
+                                         f"ktgp_match: a.tiff: has {pages} pages; only the first is used\n")
+        content = (self.folder / "a.tiff").read_bytes()  # its last page begins a circle
+        first = struct.unpack(order + "Q", content[8:16])[0]
+        (self.folder / "a.tiff").write_bytes(content[:-8] + struct.pack(order + "Q", first))
+        self.assertIn("has 2 pages", self.match("a.tiff", "b.pgm", code=None).stderr)
 
     def test_thresholds_out_of_range_are_refused_with_the_range(self):
         for option, value, expected in (("--T_w", "1.5", "[0, 1]"),

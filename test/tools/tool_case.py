@@ -5,6 +5,7 @@ import os
 import pathlib
 import random
 import re
+import struct
 import subprocess
 import tempfile
 import unittest
@@ -36,6 +37,23 @@ def window(grey, dx=0, dy=0):
 
 def write_pgm(path, grey, dx=0, dy=0):
     assert cv2.imwrite(str(path), window(grey, dx, dy))
+
+
+def write_tiff(path, grey, kinds, order="<", big=False):
+    """Writes a TIFF or BigTIFF of the picture; its pages have these subfile types: 0 a page, 1 a smaller copy, 4 a
+    mask. `order`: < with the lowest byte first, > with the highest."""
+    height, width = grey.shape
+    form, entry, start = ("Q", "HHQI4x", 16) if big else ("I", "HHII", 8)
+    data = (b"II" if order == "<" else b"MM") + struct.pack(order + ("HHHQ" if big else "HI"), *(
+        (43, 8, 0) if big else (42,)), start + grey.size) + grey.tobytes()
+    for i, kind in enumerate(kinds):
+        tags = {254: kind, 256: width, 257: height, 258: 8, 259: 1, 262: 1, 273: start, 277: 1, 278: height,
+                279: grey.size}
+        count = struct.pack(order + ("Q" if big else "H"), len(tags))
+        entries = b"".join(struct.pack(order + entry, tag, 4, 1, value) for tag, value in tags.items())
+        end = len(data) + len(count) + len(entries) + struct.calcsize("<" + form)
+        data += count + entries + struct.pack(order + form, end if i + 1 < len(kinds) else 0)
+    pathlib.Path(path).write_bytes(data)
 
 
 def translation(x, y):
