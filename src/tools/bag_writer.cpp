@@ -1,11 +1,15 @@
 #include "tools/bag_writer.h"
 
+#include <rosbag/view.h>
+#include <std_msgs/String.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <stdexcept>
 
 #include "files/csv.h"
+#include "files/input.h"
 #include "homography/transform.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
@@ -19,6 +23,8 @@ namespace {
 constexpr int kStages = 4;
 constexpr int kExact = 17;  // this many digits reproduce every double exactly
 constexpr int kUnknowns = 6;
+// Does not depend on --name, which the run that reads it may not know.
+constexpr const char* kUnusedTopic = "/ktgp_bag/unused";
 
 /// Names of the columns for one motion of the two-view geometry. `prefix`: beginning of each name.
 std::string motionColumns(const std::string& prefix) {
@@ -103,6 +109,21 @@ std::string textOf(const ros::Time& time) {
   return util::format("%u.%09u", time.sec, time.nsec);
 }
 
+std::string unusedPartOf(const std::string& bag) {
+  try {
+    const rosbag::Bag finished(bag, rosbag::bagmode::Read);
+    rosbag::View messages(finished, rosbag::TopicQuery(kUnusedTopic));
+    for (const rosbag::MessageInstance& message : messages) {
+      const auto text = message.instantiate<std_msgs::String>();
+      if (text) return text->data;
+    }
+  } catch (const std::exception& error) {
+    throw files::FileError(bag, std::string("is not a whole bag (") + error.what() +
+                                    "); expected one of an earlier run, or a new name");
+  }
+  return {};
+}
+
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
                          files::Outputs& outputs)
     : outputs_(outputs), bag_file_(outputs.add(bag)), prefix_(prefix + "/") {
@@ -129,8 +150,13 @@ MatchWriter::~MatchWriter() {
   }
 }
 
-void MatchWriter::close() {
+void MatchWriter::close(const std::string& unused) {
   try {
+    if (!unused.empty()) {
+      std_msgs::String text;
+      text.data = unused;
+      bag_->write(kUnusedTopic, last_time_, text);
+    }
     bag_->close();
   } catch (const rosbag::BagException& error) {
     files::throwUnwritable(bag_file_, error.what());
@@ -148,7 +174,8 @@ void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, 
   message.header.seq = sequence_[topic]++;  // number the messages of a topic, as a publisher does
   try {
     // A recorded time may be zero, which rosbag does not write.
-    bag_->write(topic, std::max(ros::TIME_MIN, time), message);
+    last_time_ = std::max(ros::TIME_MIN, time);
+    bag_->write(topic, last_time_, message);
   } catch (const rosbag::BagException& error) {
     files::throwUnwritable(bag_file_, error.what());
   }

@@ -16,6 +16,10 @@ namespace ktgp_orb::tools {
 /// A stamp as text for a table: "sec.nsec".
 std::string textOf(const ros::Time& time);
 
+/// What MatchWriter::close() wrote to a finished bag about the part of the recording that could not
+/// be used; empty if all of it could. Throws FileError if the file is not a whole bag.
+std::string unusedPartOf(const std::string& bag);
+
 /// Writes the results to a bag, on the topics of the nodelet, and to a table (csv).
 class MatchWriter {
  public:
@@ -37,8 +41,9 @@ class MatchWriter {
   void writeUnused(const std_msgs::Header& header, const std::string& status,
                    const std::string& reason);
 
-  /// Completes the bag and the table.
-  void close();
+  /// Completes the bag and the table. `unused`: which part of the recording could not be used. It
+  /// is written to the bag, so that later runs know it; empty: all could be used.
+  void close(const std::string& unused);
 
  private:
   template <typename Message>
@@ -52,6 +57,7 @@ class MatchWriter {
   std::ofstream csv_text_;
   std::ostream* csv_ = nullptr;                    // stream of the table; null: no table
   std::string prefix_;                             // prefix of the topics, which ends with a slash
+  ros::Time last_time_ = ros::TIME_MIN;            // time of the last message in the bag
   std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
 };
 

@@ -214,15 +214,17 @@ class Run {
     }
     while (!waiting_.empty()) finishOldest();
     if (tools::interrupted() && discards_interrupted_) return tools::kExitInterrupted;
+    // Write nothing: with OUT.bag, --skip_finished would take the recording for one that is done.
+    if (!tools::interrupted() && matched_ == 0) return tools::kExitUnusable;
     views_.close();
     motion_.close(outputs_);
     if (drawing_ && !drawing_->empty()) drawing_->close();
     // Do this last: users take OUT.bag as the sign that all files are complete.
-    writer_.close();
+    const std::string unused = unusedPart();
+    writer_.close(unused);
     outputs_.commit();
     if (tools::interrupted()) return tools::kExitInterrupted;
-    const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
-    return all_used ? tools::kExitDone : tools::kExitUnusedData;
+    return unused.empty() ? tools::kExitDone : tools::kExitUnusedData;
   }
 
   /// Prints how many images were matched, refused and skipped, why the first refused image was
@@ -230,23 +232,38 @@ class Run {
   void report(const Arguments& arguments, int code) const {
     std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "")
               << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "
-              << refused_ << " refused, " << skipped_ << " skipped by max_rate; results in "
-              << arguments.out << '\n'
-              << summary() << views_.report() << motion_.report() << targets_.report();
-    if (!source_->note().empty()) std::cerr << "ktgp_bag: " << source_->note() << '\n';
-    if (refused_ > 0) {
-      std::cerr << "ktgp_bag: " << arguments.in << ": " << util::counted(refused_, "image")
-                << " could not be used" << (refused_ > 1 ? ", the first" : "")
-                << " because: " << refusal_ << '\n';
+              << refused_ << " refused, " << skipped_ << " skipped by max_rate; ";
+    if (code == tools::kExitUnusable) {
+      std::cerr << "nothing is written\n" << views_.report();
+    } else {
+      std::cerr << "results in " << arguments.out << '\n'
+                << summary() << views_.report() << motion_.report() << targets_.report();
     }
+    if (!source_->note().empty()) std::cerr << "ktgp_bag: " << source_->note() << '\n';
+    if (refused_ > 0) std::cerr << "ktgp_bag: " << arguments.in << ": " << refusals() << '\n';
     if (source_->damage().empty()) return;
     const bool is_bag = kindOf(arguments.in) == InputKind::bag;
     std::cerr << "ktgp_bag: " << arguments.in << ": " << source_->damage()
-              << "\nWhat could be read is matched"
+              << (matched_ > 0 ? "\nWhat could be read is matched" : "")
               << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
   }
 
  private:
+  std::string refusals() const {
+    return util::counted(refused_, "image") + " could not be used" +
+           (refused_ > 1 ? ", the first" : "") + " because: " + refusal_;
+  }
+
+  /// Says which part of the recording is not in the results; empty if all of it is.
+  std::string unusedPart() const {
+    std::vector<std::string> parts;
+    if (tools::interrupted()) parts.emplace_back("the run was interrupted");
+    if (refused_ > 0) parts.push_back(refusals());
+    if (!source_->damage().empty()) parts.push_back(source_->damage());
+    if (motion_.foundNone()) parts.emplace_back("no frame has a motion");
+    return util::joined(parts, "; ");
+  }
+
   /// Says what was found, for example "19 motions (19 epipolar), median parallax 0.9 degrees".
   std::string successes(std::size_t found) const {
     if (!finds_motions_) return util::counted(found, "homography", "homographies");
@@ -648,9 +665,11 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
   app.add_flag("--overlay", arguments.overlay, "write matches_image to the bag, too");
-  app.add_flag("--skip_finished", arguments.skip_finished,
-               "for one command per recording, run again until all are done (see doc/fleet.md): if "
-               "OUT.bag exists, do nothing; an interrupted run leaves no files");
+  app.add_flag(
+      "--skip_finished", arguments.skip_finished,
+      "for one command per recording, run again until all are done (see doc/fleet.md): if "
+      "OUT.bag exists, do nothing but return the same exit code; an interrupted run leaves no "
+      "files");
   app.add_option("--draw", arguments.draw,
                  "write a video (mp4) of the matches in the images, as --overlay_style says")
       ->type_name("FILE")
@@ -722,9 +741,11 @@ int run(int argc, char** argv) {
   std::error_code none;  // ignored: a bad name is refused later
   if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none) &&
       !files::isInterrupted(arguments.out)) {
+    const std::string unused = unusedPartOf(arguments.out);
     // Write the line in one piece, because other processes may write to the same terminal.
-    std::cerr << arguments.out + " is finished\n";
-    return tools::kExitDone;
+    std::cerr << arguments.out + " is finished" +
+                     (unused.empty() ? "" : ", without a part of the recording: " + unused) + '\n';
+    return unused.empty() ? tools::kExitDone : tools::kExitUnusedData;
   }
   return matchBag(tools::planOutputs(app, arguments.force), arguments);
 }

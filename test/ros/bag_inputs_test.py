@@ -246,12 +246,12 @@ class BagInputsTest(FolderCase):
         self.assertEqual([m.status for m in self.output('statistics')], [1] + (FRAMES - 1) * [0])
         self.run_bag(self.write_bag(topic='/front/image/compressedDepth',
                                     convert=lambda image: depth(image, '32FC1; compressedDepth png')),
-                     code=1, words='(format "32FC1; compressedDepth png") is depth in floats')
+                     code=2, words='(format "32FC1; compressedDepth png") is depth in floats')
 
     def test_a_picture_that_is_small_only_when_packed_is_refused(self):
         bomb = cv2.imencode('.png', np.zeros((9000, 9000), np.uint8))[1].tobytes()
         self.run_bag(self.write_bag(views(2), topic='/front/image/compressed', convert=lambda image: CompressedImage(
-            header=image.header, format='mono8; png compressed ', data=bomb)), code=1,
+            header=image.header, format='mono8; png compressed ', data=bomb)), code=2,
             words='has 81.0 megapixels; expected 64 at most')
 
     def test_seldom_images_are_named_with_the_parameter(self):
@@ -287,7 +287,7 @@ class BagInputsTest(FolderCase):
         left = np.zeros(SIZE[::-1], np.uint8)
         left[:, :SIZE[0] // 2] = 255
         cv2.imwrite(self.path('left.png'), left)
-        self.run_bag(self.write_bag(), '--mask_image', 'left.png', '--roi', '200 0 100 240', code=1,
+        self.run_bag(self.write_bag(), '--mask_image', 'left.png', '--roi', '200 0 100 240', code=2,
                      words='because: the masks and the roi together hide the whole image')
 
     def test_max_rate_skips_and_counts(self):
@@ -471,7 +471,7 @@ class BagInputsTest(FolderCase):
             return image
 
         bag = self.write_bag(views(3), convert=no_encoding)
-        text = self.run_bag(bag, '--stabilize', 'v.mp4', '--mosaic', 'm.png', code=1, words=(
+        text = self.run_bag(bag, '--stabilize', 'v.mp4', '--mosaic', 'm.png', code=2, words=(
             "3 images could not be used, the first because: encoding '%s...' is not" % (64 * 'x'),
             'v.mp4: not written, since no image could be used', 'm.png: not written'))
         self.assertLess(len(text), 2000)

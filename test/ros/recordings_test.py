@@ -203,7 +203,7 @@ class VideoTest(RecordingCase):
                             ('old.bag', "is a bag of format 1; convert it with 'rosbag fix'"),
                             ('IMG_0001.HEIC', 'is a HEIC (HEIF) picture')):
             self.match(name, 'out.bag', code=2, words=words)
-        self.match('IMG_*.HEIC', 'out.bag', code=1, words='cannot be read as an image: it is a HEIC (HEIF) picture')
+        self.match('IMG_*.HEIC', 'out.bag', code=2, words='cannot be read as an image: it is a HEIC (HEIF) picture')
 
     @unittest.skipIf(shutil.which('ffmpeg') is None, 'ffmpeg is not installed')
     def test_interlaced_video_has_the_mean_motion_of_its_fields(self):
@@ -458,6 +458,45 @@ class ManyRecordingsTest(RecordingCase):
         self.write_bag('in.bag')
         os.mkdir(self.path('out.bag'))
         self.match('--skip_finished', 'in.bag', 'out.bag', code=2, words='out.bag: is not a regular file')
+
+    def test_a_recording_of_which_a_part_was_used_keeps_its_exit_code(self):
+        self.write_images('%d.png', pictures(4))
+        self.write('images/2.png', 'no image')
+        command = '--skip_finished', 'images/*', 'out.bag', '--csv', 'out.csv', '--name', 'other'
+        reason = '1 image could not be used because: images/2.png: cannot be read'
+        self.match(*command, code=1, words=reason)
+        before = os.stat(self.path('out.bag'))
+        for name in ('other', 'another'):
+            run = self.match(*command[:-1], name, code=1, words=(
+                'out.bag is finished, without a part of the recording: ' + reason))
+            self.assertEqual(len(run.stderr.splitlines()), 1)
+        self.assertEqual(os.stat(self.path('out.bag')), before)
+        os.remove(self.path('images/2.png'))
+        self.match(*command, '--force', code=1)  # OUT.bag exists
+        os.remove(self.path('out.bag'))
+        self.match(*command, '--force', words='3 images of')
+        self.match(*command, words='out.bag is finished\n')
+
+    def test_a_recording_that_was_cut_off_keeps_its_exit_code(self):
+        self.write_bag('in.bag', count=40)
+        self.damage('in.bag', 0.6)
+        for _ in range(2):
+            run = self.match('--skip_finished', 'in.bag', 'out.bag', code=1, words='damaged or cut off')
+        self.assertIn('out.bag is finished, without a part', run.stderr)
+
+    def test_a_recording_of_which_no_image_can_be_used_is_not_finished(self):
+        os.mkdir(self.path('images'))
+        self.write('images/1.png', 'no image')
+        for _ in range(2):
+            self.match('--skip_finished', 'images/*', 'out.bag', '--csv', 'out.csv', code=2, words=(
+                '0 images of /camera/image_raw matched, 1 refused', 'nothing is written\n',
+                '1 image could not be used because: images/1.png: cannot be read'))
+            self.assertEqual(os.listdir(self.folder), ['images'])
+
+    def test_a_file_that_is_no_bag_is_not_finished(self):
+        self.write_bag('in.bag')
+        self.write('out.bag', 'mine')
+        self.match('--skip_finished', 'in.bag', 'out.bag', code=2, words='out.bag: is not a whole bag')
 
     def test_an_interrupted_run_leaves_no_files(self):
         self.write_bag('in.bag', count=400)

@@ -213,7 +213,8 @@ class KilledRuns(OutputCase):
     def test_a_limit_of_the_shell_is_said_of_a_table_that_is_larger_than_its_bag(self):
         """Each picture that cannot be used has a row in the table, and nothing in the bag."""
         (self.folder / "images").mkdir()
-        for i in range(1500):
+        cv2.imwrite(self.path("images", "0.png"), picture())
+        for i in range(1, 1500):
             self.write(f"images/{i}.png", "no image")
         self.check_limit(60000, "ktgp_bag", "images/*.png", "out.bag", "--csv", "o.csv", file="o.csv")
 
