@@ -242,10 +242,10 @@ class MatchOutput(OutputCase):
         self.assertEqual(self.contents(), before)
 
     def test_an_output_is_never_an_input_nor_another_output(self):
-        (self.folder / "soft.pgm").symlink_to("a.pgm")
-        os.link(self.folder / "a.pgm", self.folder / "hard.pgm")
-        for name in ("a.pgm", "./a.pgm", "soft.pgm", "hard.pgm"):
-            for option in ("--draw", "--csv", "--json"):
+        (self.folder / "soft.png").symlink_to("a.pgm")
+        os.link(self.folder / "a.pgm", self.folder / "hard.png")
+        for name in ("a.pgm", "./a.pgm", "soft.png", "hard.png"):
+            for option in ("--draw", "--csv", "--json") if name.endswith(".png") else ("--csv", "--json"):
                 self.refuses(option, name, "--force", words="is the file of")
         self.refuses("--ground-truth", "H.txt", "--json", "H.txt", "--force", words="is the file of")
         (self.folder / "dangling").symlink_to("new.csv")
