@@ -221,6 +221,9 @@ class ModuleTest(unittest.TestCase):
             self.assertLess(np.abs(corners_off(found.homography, expected)).max(), 0.02 if 'colour' in name else 1e-9,
                             name)
         self.same(ktgp.match(np.ascontiguousarray(wide[:, ::-1])[:, ::-1], self.target), ktgp.match(wide, self.target))
+        odd_rows = np.ndarray((480, 640), np.uint16, bytearray(480 * 1281), strides=(1281, 2))
+        odd_rows[:] = wide
+        self.same(ktgp.match(odd_rows, self.target), ktgp.match(wide, self.target))
         mosaic, sequence = ktgp.Mosaic(), ktgp.Sequence()
         self.assertEqual(mosaic.add(cv2.merge([wide, wide, wide]), sequence.match(wide, 1.0)), 'new_map')
         self.assertEqual(mosaic.image[100, 100, 0], round(wide[100, 100] / 257))
