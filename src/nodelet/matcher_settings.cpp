@@ -37,14 +37,17 @@ FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
   return makeFrame(image, extractor, wanted.stretch);
 }
 
-/// Reads the reference file. A file has no stamp, but the consumers of the homographies tell images
-/// by their stamps. So the first file gets the stamp 0, and each later one a stamp of its own.
+/// Returns the reference with a stamp of its own if it has none, as an image from a file. The
+/// consumers of the homographies tell images by their stamps.
+sensor_msgs::ImageConstPtr MatcherSettings::stamped(const sensor_msgs::ImageConstPtr& image) {
+  if (!image || !image->header.stamp.isZero()) return image;
+  const auto with_stamp = boost::make_shared<sensor_msgs::Image>(*image);
+  with_stamp->header.stamp.fromNSec(++unstamped_);
+  return with_stamp;
+}
+
 sensor_msgs::ImageConstPtr MatcherSettings::readReference(const std::string& path) {
-  const sensor_msgs::ImageConstPtr read = readImageFile("reference_image", path);
-  if (!read) return nullptr;
-  const auto image = boost::make_shared<sensor_msgs::Image>(*read);
-  image->header.stamp.fromNSec(files_++);
-  return image;
+  return stamped(readImageFile("reference_image", path));
 }
 
 void MatcherSettings::configure(const KtgpConfig& config, const std::string& image_topic) {
@@ -128,7 +131,7 @@ void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
   requireSmall("it", *image);
   const bool none = image->width == 0 || image->height == 0;
   if (!none) greyImage(image, configuration_.stretch);  // only a check: throws for a bad image
-  useReference(none ? file_reference_ : image);
+  useReference(none ? file_reference_ : stamped(image));
   ++configuration_.number;
 }
 

@@ -40,6 +40,7 @@ class MatcherSettings {
   using FileState = std::pair<std::uintmax_t, std::filesystem::file_time_type>;
 
   static FileState stateOf(const std::string& path);
+  sensor_msgs::ImageConstPtr stamped(const sensor_msgs::ImageConstPtr& image);
   sensor_msgs::ImageConstPtr readReference(const std::string& path);
   void useReference(const sensor_msgs::ImageConstPtr& image);
   static FramePtr preparedReference(const Configuration& wanted, const Configuration& before);
@@ -51,9 +52,9 @@ class MatcherSettings {
   std::string reference_file_;
   std::string mask_file_;
   sensor_msgs::ImageConstPtr file_reference_;
-  std::uint64_t files_ = 0;  // number of reference files that were read
-  FileState file_state_;     // state of the reference file when it was read
-  FileState file_seen_;      // state of the file at the last check
+  std::uint64_t unstamped_ = 0;  // number of references without a stamp so far
+  FileState file_state_;         // state of the reference file when it was read
+  FileState file_seen_;          // state of the file at the last check
 };
 
 }  // namespace ktgp_orb

@@ -56,9 +56,12 @@ NoReference anotherCamera(const Frame& next, const Frame& before) {
 
 NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
-  // Without its image, the previous frame keeps its descriptors.
-  if (previous_->image.empty() && next.features.descriptor != previous_->features.descriptor) {
-    return NoReference::encoding_changed;
+  // Without an image, a frame keeps its descriptors.
+  for (const FramePtr& before : {previous_, reference_}) {
+    const bool stay = next.image.empty() || before->image.empty();
+    if (stay && next.features.descriptor != before->features.descriptor) {
+      return NoReference::encoding_changed;
+    }
   }
   return anotherCamera(next, *previous_);
 }

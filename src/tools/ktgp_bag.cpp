@@ -234,7 +234,7 @@ class Run {
               << util::counted(matched_, "image") << " of " << source_->topic() << " matched, "
               << refused_ << " refused, " << skipped_ << " skipped by max_rate; ";
     if (code == tools::kExitUnusable) {
-      std::cerr << "nothing is written\n" << views_.report();
+      std::cerr << "no file is written\n" << views_.report();
     } else {
       std::cerr << "results in " << arguments.out << '\n'
                 << summary() << views_.report() << motion_.report() << targets_.report();

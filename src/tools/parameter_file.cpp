@@ -68,8 +68,8 @@ void refuseArgument(const std::string& name, const YAML::Node& value) {
 }
 
 void readYaml(const std::string& text, Parameters& parameters) {
-  // They concern the input of the node and do not change the results, so skip them.
-  static const std::set<std::string> of_input{"image_transport", "queue_size"};
+  // `rosparam dump` of a node also writes these. They do not change the results, so skip them.
+  static const std::set<std::string> of_input{"image_transport", "queue_size", "reference_was_set"};
   const YAML::Node all = parametersIn(onlyDocument(text));
   // An empty map is what `rosparam dump` writes of a node with a misspelt name.
   if (!all.IsMap() || all.size() == 0) {

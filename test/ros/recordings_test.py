@@ -489,7 +489,7 @@ class ManyRecordingsTest(RecordingCase):
         self.write('images/1.png', 'no image')
         for _ in range(2):
             self.match('--skip_finished', 'images/*', 'out.bag', '--csv', 'out.csv', code=2, words=(
-                '0 images of /camera/image_raw matched, 1 refused', 'nothing is written\n',
+                '0 images of /camera/image_raw matched, 1 refused', 'no file is written\n',
                 '1 image could not be used because: images/1.png: cannot be read'))
             self.assertEqual(os.listdir(self.folder), ['images'])
 

@@ -202,7 +202,7 @@ class TwoViewTest(MatcherCase):
     def test_8_the_second_motion_of_a_plane_is_that_of_ktgp_match(self):
         """Not of ktgp_bag: its table is made of the messages."""
         self.client.update_configuration({'geometry': 'auto', 'mutual': True, 'gms': False, 'T_w': 1.0,
-                                          'calibration': 'rectified'})
+                                          'distribution': 'uniform', 'calibration': 'rectified'})
         self.info.publish(information())
         wait_until(lambda: self.two_view.wait_for(self.match()).has_pose, 'camera_info is in')
         self.homography.wait_for(self.camera.show(FIRST))

@@ -53,9 +53,8 @@ bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
 
-/// Throws std::invalid_argument if the frame has no such keypoint.
-bool isPlaced(const Features& features, std::int32_t index, const char* frame) {
-  util::requireKeypoint(features, index, frame);
+/// Returns true if the keypoint has a position.
+bool isPlaced(const Features& features, std::int32_t index) {
   const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
   return std::isfinite(point.x) && std::isfinite(point.y);
 }
@@ -64,11 +63,15 @@ bool isPlaced(const Features& features, std::int32_t index, const char* frame) {
 /// position.
 GmsResult passPlaced(const Features& reference, const Features& target,
                      std::vector<Correspondence>& correspondences) {
+  for (const Correspondence& c : correspondences) {
+    if (c.level != Level::kt) continue;
+    util::requireKeypoint(reference, c.reference_index, "reference");
+    util::requireKeypoint(target, c.target_index, "target");
+  }
   GmsResult result;
   for (Correspondence& c : correspondences) {
     if (c.level != Level::kt) continue;
-    if (!isPlaced(reference, c.reference_index, "reference") ||
-        !isPlaced(target, c.target_index, "target")) {
+    if (!isPlaced(reference, c.reference_index) || !isPlaced(target, c.target_index)) {
       ++result.outside_grid;
       continue;
     }
