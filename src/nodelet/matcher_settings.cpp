@@ -38,11 +38,12 @@ FramePtr MatcherSettings::preparedReference(const Configuration& wanted,
 }
 
 /// Returns the reference with a stamp of its own if it has none, as an image from a file. The
-/// consumers of the homographies tell images by their stamps.
+/// consumers of the homographies tell images by their stamps. The first one keeps the stamp 0, as
+/// in ktgp_bag.
 sensor_msgs::ImageConstPtr MatcherSettings::stamped(const sensor_msgs::ImageConstPtr& image) {
   if (!image || !image->header.stamp.isZero()) return image;
   const auto with_stamp = boost::make_shared<sensor_msgs::Image>(*image);
-  with_stamp->header.stamp.fromNSec(++unstamped_);
+  with_stamp->header.stamp.fromNSec(unstamped_++);
   return with_stamp;
 }
 
