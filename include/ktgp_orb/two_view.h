@@ -288,7 +288,8 @@ void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoVi
                  std::vector<ScenePoint>& points);
 
 /// The same for matches. Aligned pairs and others have scales of their own, which are measured.
-/// Prefer this: TwoView::scale is that of aligned pairs, and others are less accurate.
+/// Prefer this function: TwoView::scale is the scale of aligned pairs, and other pairs are less
+/// accurate.
 void triangulate(const TwoViewMatches& matches, const TwoViewInput& input,
                  std::vector<ScenePoint>& points);
 

@@ -110,7 +110,7 @@ struct RecordedImage {
   ros::Time received;
   std::string problem{};  ///< reason why `image` is null
   ros::Time stamp{};      ///< stamp of the image if `image` is null; zero: not known
-  /// Width and height of `image` as parts of those in the file, from which it was shrunk.
+  /// Width and height of `image`, divided by those in the file; below 1 if it was shrunk.
   double x_scale = 1.0;
   double y_scale = 1.0;
 };

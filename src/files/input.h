@@ -22,8 +22,8 @@ void requireRegularFile(const std::string& file);
 /// the user can do: "is a HEIC picture; convert it ...". Empty for unknown formats.
 std::string unreadableFormat(const std::string& file);
 
-/// What a file is by its first bytes: "is a picture", "is a video", or a format of
-/// unreadableFormat(). Empty for other files, and for what is not a regular file.
+/// Describes a file by its first bytes: "is a picture", "is a video", or a format of
+/// unreadableFormat(). Empty for other files, and for folders and devices.
 std::string knownFormat(const std::string& file);
 
 /// Reads a picture of 8 or 16 bits per channel, decoded with OpenCV's `flags`. All pictures of this

@@ -47,7 +47,7 @@ class TiffReader {
 struct Sizes {
   int entries;  ///< number of entries of a directory
   int offset;   ///< position in the file
-  int rest;     ///< of an entry, behind its tag: type, count and value
+  int rest;     ///< type, count and value: an entry without its tag
 };
 
 constexpr Sizes kTiff{2, 4, 10};

@@ -154,9 +154,9 @@ void MosaicWork::report() {
   diagnosis_.setValue("drawn on", panorama
                                       ? util::format("a cylinder, %.0f degrees", panorama->degrees)
                                       : std::string("a plane"));
-  diagnosis_.setProblem(
-      "full",
-      mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
+  diagnosis_.setProblem("full", mosaic_.full() ? "the mosaic, or the rectangle around it, is full "
+                                                 "(max_megapixels): it does not grow any more"
+                                               : "");
 }
 
 void MosaicWork::publishPicture() {

@@ -228,7 +228,7 @@ void defineTargetPose(py::module& module) {
            "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
            "camera: (3, 3), K in px;\nsize: width and height of the image; distortion: 4, 5, 8, 12 "
            "or 14 coefficients in OpenCV's order; seconds: time of the image; without "
-           "it, the shutter is left out of account, also where readout_time is not known.\nEach is "
+           "it, the shutter is ignored, even if readout_time is not known.\nEach is "
            "(target to "
            "camera, (4, 4), m; (6, 6) covariance of x, y, z and rotations about the camera's axes; "
            "likelihood against the other one, 0 to 1).\nRaises ValueError.");

@@ -35,14 +35,11 @@ std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points,
   return chosen;
 }
 
-/// Sum of the variances of the mapped corners of an image of this size, px².
-double cornerVariance(const UncertainHomography& homography, const cv::Size& size) {
-  double sum = 0.0;
-  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
-    const auto by_entries = homography::jacobianByEntries(homography.homography, corner);
-    sum += (by_entries * homography.covariance * by_entries.transpose()).trace();
-  }
-  return sum;
+/// Largest standard deviation of a mapped corner of an image of this size, px.
+double deviationOf(const UncertainHomography& found, const cv::Size& size) {
+  return homography::cornerDeviation(found.homography, found.covariance,
+                                     homography::imageCorners(size, {}))
+      .target;
 }
 
 }  // namespace
@@ -86,9 +83,9 @@ std::optional<UncertainHomography> TargetPose::Impl::rectified(const DetectedTar
   if (!found || !distorted) return found;
   // The finder's covariance also contains errors that a fit to the pairs does not show: blur and
   // vibration displace many of them together.
-  const double ratio = cornerVariance(target.homography, target.image_size) /
-                       cornerVariance(*distorted, target.image_size);
-  if (ratio > 1.0) found->covariance *= ratio;
+  const double ratio = deviationOf(target.homography, target.image_size) /
+                       deviationOf(*distorted, target.image_size);
+  if (ratio > 1.0 && std::isfinite(ratio)) found->covariance *= ratio * ratio;
   return found;
 }
 
