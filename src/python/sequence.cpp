@@ -105,7 +105,8 @@ void defineFrameMatch(py::module& module) {
           "As given to Sequence.match.")
       .def_property_readonly(
           "reference_seconds", [](const FrameMatch& m) { return secondsOf(m.reference_stamp); },
-          "Of the reference; 0 without one, and negative for a reference of Sequence.set_reference.")
+          "Of the reference; 0 without one, and negative for a reference of "
+          "Sequence.set_reference.")
       .def_property_readonly(
           "tracks",
           [](const py::object& self) { return view(self.cast<const FrameMatch&>().tracks, self); },
