@@ -61,6 +61,12 @@ struct SharedErrors {
   double linear = 0.0;
   double focal = 0.0;  ///< relative error of the focal length, the same in both images
   double zoom = 0.0;   ///< change of the focal length between the images, as a share of it
+  /// Error of the principal point along x and along y, as a share of the focal length, the same in
+  /// both images.
+  double principal_point = 0.0;
+  /// Remaining radial distortion, px at the corners and with the third power of the radius, the
+  /// same in both images.
+  double distortion = 0.0;
   /// Readout time of a rolling shutter, as a share of the time between the images; 0: global
   /// shutter.
   double readout = 0.0;

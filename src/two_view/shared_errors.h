@@ -16,9 +16,10 @@ class SharedShifts {
  public:
   /// Number of shared errors. Columns 0 to 2: shift of the target points along x, proportional to
   /// x, proportional to y, and constant, where x and y are the normalised position in the target; 3
-  /// to 5: the same along y; 6: focal length of both cameras; 7: zoom between the images; 8:
-  /// readout of a rolling shutter.
-  static constexpr int kErrors = 9;
+  /// to 5: the same along y; 6: focal length of both cameras; 7: zoom between the images; 8 and 9:
+  /// principal point of both cameras along x and y; 10: distortion of both images; 11: readout of a
+  /// rolling shutter.
+  static constexpr int kErrors = 12;
   template <int kRows>
   using Columns = Eigen::Matrix<double, kRows, kErrors>;
 
@@ -40,17 +41,24 @@ class SharedShifts {
                 const Eigen::Matrix3d& homography) const;
 
  private:
-  /// Camera matrix K of an image (px), its inverse, and the height of the image, px.
+  /// Camera matrix K of an image (px), its inverse, the height of the image and half of its
+  /// diagonal, px.
   struct Image {
     Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();
     Eigen::Matrix3d inverse = Eigen::Matrix3d::Identity();
     double rows = 1.0;
+    double corner = 1.0;
     // K [w] K^-1, where [w] is the cross product matrix of the camera's rotation during the
     // readout, rad: maps a homogeneous point to its change during the readout.
     Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
 
     Eigen::Vector2d fromCentre(const Eigen::Vector2d& point) const {
       return point - camera.topRightCorner<2, 1>();
+    }
+    /// Returns the shift of `point` by a radial distortion of 1 px at the corners.
+    Eigen::Vector2d distorted(const Eigen::Vector2d& point) const {
+      const Eigen::Vector2d off = fromCentre(point) / corner;
+      return off.squaredNorm() * off;
     }
     /// Returns how far `point` is shifted, px, because its row is read earlier or later than the
     /// row of the principal point. `velocity`: how far the point moves during the readout, px,

@@ -34,10 +34,12 @@ TwoViewOptions realCameras() {
 /// What the estimator is not told.
 struct Fault {
   const char* name;
-  double focal = 1.0;     ///< given focal length, as a multiple of the true one
-  double zoom = 1.0;      ///< of the target image
-  double pitch = 0.0;     ///< rad/s, with a shutter that reads an image in 30 ms
-  double interval = 0.1;  ///< s between the images, if the camera pitches
+  double focal = 1.0;       ///< given focal length, as a multiple of the true one
+  double zoom = 1.0;        ///< of the target image
+  double pitch = 0.0;       ///< rad/s, with a shutter that reads an image in 30 ms
+  double interval = 0.1;    ///< s between the images, if the camera pitches
+  double principal = 0.0;   ///< error of the given principal point along x and along y, px
+  double distortion = 0.0;  ///< of both images, px at the corners
 };
 
 World drawn(Shape shape, const Fault& fault, Numbers& numbers) {
@@ -55,6 +57,9 @@ World drawn(Shape shape, const Fault& fault, Numbers& numbers) {
   World world(shape, travel, numbers, kRight, kWrong, kNoise);
   const Eigen::Vector2d centre = camera().topRightCorner<2, 1>();
   for (Eigen::Vector2d& u : world.pairs.target) u = centre + fault.zoom * (u - centre);
+  for (auto* points : {&world.pairs.reference, &world.pairs.target}) {
+    for (Eigen::Vector2d& x : *points) x = distorted(x, fault.distortion);
+  }
   return world;
 }
 
@@ -91,6 +96,7 @@ Tally tallyOf(Shape shape, const Fault& fault, int runs) {
     const World world = drawn(shape, fault, numbers);
     TwoViewInput input = world.input();
     input.reference_camera->topLeftCorner<2, 2>() *= fault.focal;
+    input.reference_camera->topRightCorner<2, 1>().array() += fault.principal;
     estimator.estimate(world.pairs, input, result);
     const Outcome outcome = outcomeOf(world, result);
     tally.honest += outcome.inside || outcome.doubted;
@@ -116,12 +122,12 @@ TEST_P(Faulty, CameraHasTheTruthInItsCovarianceOrADoubt) {
   constexpr int kDraws = 100;
   for (const Shape shape : {Shape::depth, Shape::plane, Shape::turn, Shape::forward}) {
     const Tally tally = tallyOf(shape, GetParam(), kDraws);
-    // A shutter bends what the epipolar geometry knows to a hundredth of a pixel: 89 % when the
+    // A shutter bends what the epipolar geometry knows to a hundredth of a pixel: 97 % when the
     // bound was set, 2 % without the shared errors of a shutter and a zoom.
     const bool bent = GetParam().pitch > 0.0 && (shape == Shape::depth || shape == Shape::forward);
-    // 5 % are five deviations of the focal length: 80 and 67 of 100 when the bound was set.
+    // 5 % are five deviations of the focal length: 89 and 78 of 100 when the bound was set.
     const bool far_off = std::abs(GetParam().focal - 1.0) > 0.04 && shape == Shape::plane;
-    const int least = far_off ? 60 : bent ? 85 : 98;
+    const int least = far_off ? 70 : bent ? 93 : 98;
     EXPECT_GE(tally.honest, kDraws * least / 100) << "shape " << static_cast<int>(shape);
   }
 }
@@ -135,16 +141,19 @@ INSTANTIATE_TEST_SUITE_P(
                     Fault{"pitch_20", 1.0, 1.0, 20.0 * kDegree, 0.033},
                     Fault{"pitch_60", 1.0, 1.0, 60.0 * kDegree, 0.033},
                     Fault{"pitch_20_slow", 1.0, 1.0, 20.0 * kDegree, 0.1},
-                    Fault{"pitch_60_slow", 1.0, 1.0, 60.0 * kDegree, 0.1}),
+                    Fault{"pitch_60_slow", 1.0, 1.0, 60.0 * kDegree, 0.1},
+                    Fault{"principal_point_5_px", 1.0, 1.0, 0.0, 0.1, 5.0},
+                    Fault{"distortion_1_px", 1.0, 1.0, 0.0, 0.1, 0.0, 1.0}),
     [](const auto& info) { return info.param.name; });
 
-/// With linear errors alone the medians were 1.58, 1.16, 0.035 and 1.47. A turn of 4 degrees is
-/// known to 0.04 degrees if the focal length is known to 1 %, whatever its residuals say.
+/// With linear errors alone the medians were 1.58, 1.16, 0.035 and 1.47; they are 0.24, 0.24, 0.005
+/// and 0.26 with all errors. A turn of 4 degrees is known to 0.04 degrees if the focal length is
+/// known to 1 %, whatever its residuals say.
 TEST(SharedShifts, LeaveTheCovarianceOfAnExactCameraUseful) {
   constexpr int kDraws = 200;
   for (const auto& [shape, least] :
-       {std::pair(Shape::depth, 0.40), std::pair(Shape::plane, 0.29), std::pair(Shape::turn, 0.005),
-        std::pair(Shape::forward, 0.37)}) {
+       {std::pair(Shape::depth, 0.16), std::pair(Shape::plane, 0.15), std::pair(Shape::turn, 0.003),
+        std::pair(Shape::forward, 0.17)}) {
     const Tally tally = tallyOf(shape, {"exact"}, kDraws);
     EXPECT_GE(tally.median, least) << "shape " << static_cast<int>(shape);
     EXPECT_GE(tally.honest, kDraws * 98 / 100) << "shape " << static_cast<int>(shape);
@@ -181,12 +190,34 @@ TEST(SharedShifts, OfFocalLengthAndZoomEqualThoseOfSuchCameras) {
     EXPECT_LT((columns.col(6).tail<2>() - (seenWith(1.0 + errors.focal, u) - u)).norm(), 1e-9);
     EXPECT_EQ(columns.col(7).head<2>().norm(), 0.0);
     EXPECT_LT((columns.col(7).tail<2>() - (seenWith(1.0 + errors.zoom, u) - u)).norm(), 1e-9);
-    EXPECT_EQ(columns.col(8).norm(), 0.0);
+    EXPECT_EQ(columns.rightCols<4>().norm(), 0.0);
     const Eigen::Vector2d relative =
         columns.col(6).tail<2>() - 0.5 * (mapped(x + focal) - mapped(x - focal));
     EXPECT_LT((shifts.at(x, u, h).col(6) - relative).norm(), 1e-2);
-    EXPECT_EQ(without_k.at(x, u).rightCols<3>().norm(), 0.0);
+    EXPECT_EQ(without_k.at(x, u).rightCols<6>().norm(), 0.0);
     EXPECT_GT(without_k.at(x, u).leftCols<6>().norm(), 0.5 * errors.linear);
+  }
+}
+
+TEST(SharedShifts, OfPrincipalPointAndDistortionEqualThoseOfSuchCameras) {
+  Numbers numbers(46);
+  SharedErrors errors;
+  errors.principal_point = 0.01;
+  errors.distortion = 0.7;
+  const World world(Shape::depth, numbers);
+  const std::optional<Cameras> cameras(Cameras(camera(), camera()));
+  const SharedShifts shifts(errors, world.pairs, world.input(), cameras);
+  const SharedShifts without_k(errors, world.pairs, world.input(), std::nullopt);
+  for (std::size_t i = 0; i < world.right; ++i) {
+    const Eigen::Vector2d& x = world.pairs.reference[i];
+    const Eigen::Vector2d& u = world.pairs.target[i];
+    const auto columns = shifts.at(x, u);
+    EXPECT_LT((columns.col(8) - Eigen::Vector4d(5.0, 0.0, 5.0, 0.0)).norm(), 1e-9);
+    EXPECT_LT((columns.col(9) - Eigen::Vector4d(0.0, 5.05, 0.0, 5.05)).norm(), 1e-9);
+    EXPECT_LT((columns.col(10).head<2>() - (distorted(x, 0.7) - x)).norm(), 5e-3);
+    EXPECT_LT((columns.col(10).tail<2>() - (distorted(u, 0.7) - u)).norm(), 5e-3);
+    EXPECT_EQ(columns.leftCols<8>().norm() + columns.col(11).norm(), 0.0);
+    EXPECT_EQ(without_k.at(x, u).norm(), 0.0);
   }
 }
 
@@ -204,7 +235,7 @@ TEST(SharedShifts, OfAFastShutterAreLimited) {
                                     .with(Eigen::AngleAxisd(1.0, axis).toRotationMatrix());
     double most = 0.0;
     for (const Eigen::Vector2d& x : world.pairs.reference) {
-      most = std::max(most, shifts.at(x, x).col(8).norm());
+      most = std::max(most, shifts.at(x, x).col(11).norm());
     }
     EXPECT_LT(most, kMost);
     EXPECT_GT(most, 1.0);
@@ -238,7 +269,7 @@ TEST(SharedShifts, OfAShutterEqualThoseOfAMovingCamera) {
     double all = 0.0;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto columns = shifts.at(pairs.reference[i], pairs.target[i]);
-      off += (columns.col(8) - moved[i]).norm();
+      off += (columns.col(11) - moved[i]).norm();
       all += moved[i].norm();
       EXPECT_EQ(columns.leftCols<8>().norm(), 0.0);
     }

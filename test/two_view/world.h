@@ -25,6 +25,13 @@ inline Eigen::Matrix3d camera() {
   return test::cameraMatrix(500.0, 505.0);
 }
 
+/// Returns the position of the point `x` in an image with a radial distortion of `at_corners` px.
+inline Eigen::Vector2d distorted(const Eigen::Vector2d& x, double at_corners) {
+  const Eigen::Vector2d centre = camera().topRightCorner<2, 1>();
+  const Eigen::Vector2d off = (x - centre) / centre.norm();
+  return x + at_corners * off.squaredNorm() * off;
+}
+
 inline Eigen::Vector3d randomVector(Numbers& numbers) {
   const double x = numbers.normal();
   const double y = numbers.normal();
@@ -201,16 +208,23 @@ inline World worldOfLittleParallax(Shape shape, Numbers& numbers) {
   return {shape, travel, numbers, 400, 80, 0.2};
 }
 
-/// Estimates the motion with a focal length and a zoom that are as wrong as `errors` expects.
-/// Patches of the unrelated points could not be aligned.
+/// Estimates the motion with focal length, zoom, principal point and distortion as wrong as
+/// `errors` expects. Patches of the unrelated points could not be aligned.
 inline void estimateWithErrors(World& world, const SharedErrors& errors, Numbers& numbers,
                                TwoViewEstimator& estimator, TwoView& found) {
   constexpr double kUnaligned = 12.0;  // relative deviation, as in TwoViewMatcher
   const Eigen::Vector2d centre = camera().topRightCorner<2, 1>();
   const double zoom = 1.0 + errors.zoom * numbers.normal();
   for (Eigen::Vector2d& u : world.pairs.target) u = centre + zoom * (u - centre);
+  const double distortion = errors.distortion * numbers.normal();
+  for (auto* points : {&world.pairs.reference, &world.pairs.target}) {
+    for (Eigen::Vector2d& x : *points) x = distorted(x, distortion);
+  }
   TwoViewInput input = world.input();
-  input.reference_camera->topLeftCorner<2, 2>() *= 1.0 + errors.focal * numbers.normal();
+  Eigen::Matrix3d& k = *input.reference_camera;
+  k(0, 2) += errors.principal_point * numbers.normal() * k(0, 0);
+  k(1, 2) += errors.principal_point * numbers.normal() * k(1, 1);
+  k.topLeftCorner<2, 2>() *= 1.0 + errors.focal * numbers.normal();
   std::vector<double> deviations(world.pairs.size(), kUnaligned);
   std::fill_n(deviations.begin(), world.right, 1.0);
   input.deviations = &deviations;
