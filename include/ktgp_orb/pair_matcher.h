@@ -12,9 +12,9 @@ namespace ktgp_orb {
 struct PairOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  /// If true, and if the larger image has more than a megapixel, both images get more features than
-  /// OrbOptions::max_features, because larger images show more distinct details. The number grows
-  /// in proportion to the area of the larger image, up to 8000.
+  /// If true, both images may get more features than OrbOptions::max_features: at least 4000 for a
+  /// two-view geometry, which needs matches in all parts of the scene; and if the larger image has
+  /// more than a megapixel, a number in proportion to its area, up to 8000.
   bool features_by_area = false;
 
   /// The preset photo, for two photographs of any kind. Of all presets, it succeeds on the largest

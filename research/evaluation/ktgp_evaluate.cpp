@@ -200,7 +200,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   CLI::Option* const two_view =
       app.add_flag("--two-view", arguments.two_view,
                    "relative pose in scenes with depth: AUC of the larger error of rotation and "
-                   "direction at 1, 2, 5 and 10 degrees; preset slam unless another is given")
+                   "direction at 1, 2, 5 and 10 degrees; preset slam with 4000 keypoints, as in "
+                   "ktgp_match, unless others are given")
           ->group(views);
   app.add_option("--apart", arguments.apart, "pairs of images so many rows of cameras.txt apart")
       ->delimiter(',')
@@ -356,9 +357,10 @@ int evaluate(int argc, char** argv) {
   if (arguments.two_view && app.get_option("--methods")->count() == 0) {
     arguments.methods = two_view::methodNames();
   }
-  if (arguments.two_view &&
-      app.count("--preset") + app.count("--params") + app.count("--distribution") == 0) {
-    arguments.pipeline.orb.distribution = KeypointDistribution::uniform;  // as in preset slam
+  if (arguments.two_view && app.count("--preset") + app.count("--params") == 0) {
+    OrbOptions& orb = arguments.pipeline.orb;  // as ktgp_match extracts features with preset slam
+    if (app.count("--distribution") == 0) orb.distribution = KeypointDistribution::uniform;
+    if (app.count("--features") == 0) orb.max_features = 4000;
   }
   cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {

@@ -11,13 +11,16 @@ namespace {
 /// Returns the feature options for an image with this number of pixels.
 OrbOptions orbFor(const PairOptions& options, std::size_t pixels) {
   // Maximum number of features; the time for matching grows with the square of this number.
-  constexpr double kMost = 8000.0;
+  constexpr int kMost = 8000;
+  // With 4000 instead of 2000 features, 91 instead of 56 % of 45 pairs of photographs of a building
+  // have a motion (reichstag, doc/measurements/two_view.md).
+  constexpr int kLeastWithDepth = 4000;
   OrbOptions orb = options.orb;
-  if (options.features_by_area) {
-    const double megapixels = std::max(1.0, 1e-6 * static_cast<double>(pixels));
-    orb.max_features = static_cast<int>(
-        std::max<double>(orb.max_features, std::min(kMost, orb.max_features * megapixels)));
-  }
+  if (!options.features_by_area) return orb;
+  const bool plane = options.matcher.geometry == GeometryModel::homography;
+  const int base = plane ? orb.max_features : std::max(orb.max_features, kLeastWithDepth);
+  const double megapixels = std::max(1.0, 1e-6 * static_cast<double>(pixels));
+  orb.max_features = std::max(base, static_cast<int>(std::min<double>(kMost, base * megapixels)));
   return orb;
 }
 

@@ -91,7 +91,9 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
                                    const py::object& preset, const py::object& camera,
                                    const py::object& target_camera, const py::kwargs& changes) {
   const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
-  const bool by_area = py::str(preset).equal(py::str("photo")) && !changes.contains("features");
+  const bool photo = py::str(preset).equal(py::str("photo"));
+  const bool depth = options.matcher.geometry != GeometryModel::homography;
+  const bool by_area = (photo || depth) && !changes.contains("features");
   const ImageArray first = greyImage(reference, "reference");
   const ImageArray second = greyImage(target, "target");
   const MatchHints hints = hintsOf(options.matcher, camera, target_camera);

@@ -219,7 +219,9 @@ int matchTwoImages(int argc, char** argv) {
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
   const bool photo = app.count("--preset") == 0 || app["--preset"]->as<std::string>() == "photo";
-  arguments.features_by_area = photo && app.count("--params") + app.count("--features") == 0;
+  const bool depth = arguments.pipeline.matcher.geometry != GeometryModel::homography;
+  arguments.features_by_area =
+      (photo || depth) && app.count("--params") + app.count("--features") == 0;
 
   if (!arguments.camera.empty() &&
       arguments.pipeline.matcher.geometry == GeometryModel::homography) {

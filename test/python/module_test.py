@@ -92,9 +92,14 @@ class ModuleTest(unittest.TestCase):
         np.testing.assert_array_equal(again.points, found.points)
         self.assertEqual(again.probability, found.probability)
         self.assertEqual(again.geometry, 'epipolar')
-        features = ktgp.Extractor(preset='slam')
-        by_parts = ktgp.Matcher(preset='slam').match(features.extract(self.reference), features.extract(target), K=K)
-        self.assertEqual(by_parts.geometry, 'epipolar')
+        for number, options in ((4000, {}), (1000, {'features': 1000})):
+            whole = ktgp.match(self.reference, target, preset='slam', K=K, **options)
+            features = ktgp.Extractor(preset='slam', features=number)
+            parts = [features.extract(image) for image in (self.reference, target)]
+            by_parts = ktgp.Matcher(preset='slam').match(*parts, K=K)
+            self.assertEqual(by_parts.geometry, 'epipolar')
+            self.assertEqual(len(whole.levels), len(by_parts.levels))
+            np.testing.assert_array_equal(whole.translation, by_parts.translation)
 
         blind = ktgp.match(self.reference, target, preset='slam')
         self.assertEqual(blind.geometry, 'epipolar')

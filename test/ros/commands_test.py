@@ -159,7 +159,7 @@ NOT_RUN = {
     'another test does: demo, sliders, recordings, ktgp_evaluate_test': [
         'scripts/demo', 'rosrun ktgp_orb sliders {NODE,/camera/matcher}',
         'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
-        ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
+        ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6 --features 2000'],
     'a program of the reader; cmake_package builds it': ['rosrun print_motion print_motion'],
     'installs packages': [
         'rosdep install{, --from-paths src -i}', 'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}',
@@ -172,7 +172,7 @@ NOT_RUN = {
     'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
         'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
         'scripts/evaluate --motion checkerboard.bag --drift 3 6 8',
-        'rosrun ktgp_orb ktgp_evaluate --two-view FOLDER... --methods SLAM\\,SIFT+MAGSAC++',
+        'rosrun ktgp_orb ktgp_evaluate --two-view FOLDER... --methods SLAM\\,SIFT+MAGSAC++ --features 2000',
         'rosrun ktgp_orb ktgp_evaluate --two-view fountain-P11 Herz-Jesus-P25 --apart 1\\,2 --descriptor teblid '
         '--features 3000 --fast_threshold 10',
         'sbatch --array=1-40 --requeue --wrap \'examples/fleet/one_recording.sh "$(sed -n ${SLURM_ARRAY_TASK_ID}p '

@@ -267,6 +267,7 @@ class KtgpMatch(PairCase):
         self.assertNotIn("no homography", run.stdout)
         self.assertTrue((self.folder / "depth_matches.png").exists())
         out = self.json()
+        self.assertEqual(out["options"]["features"], 4000)
         self.assertEqual((out["status"], out["geometry"], out["found_by"]), ("ok", "epipolar", "two_view"))
         self.assertGreater(len(out["two_view"]["points"]), 100)
         self.assertEqual(out["two_view"]["doubt"], "none")
