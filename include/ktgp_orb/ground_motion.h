@@ -68,7 +68,8 @@ struct GroundFrame {
 
 struct GroundMotionOptions {
   /// Mounting of the camera: transform from the camera's frame (x right, y down, z forward) to the
-  /// vehicle's base frame.
+  /// vehicle's base frame. If the camera of a level base would look at the sky, as with the
+  /// identity, and there is no DownReading, it is assumed to look straight down.
   Pose3 camera_to_base = Pose3::Identity();
   /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
   /// means 1 m in 100 m. Since the slope may change, earlier readings of the height and the normal

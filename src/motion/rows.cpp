@@ -149,6 +149,12 @@ CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base) {
   CameraPose pose;
   pose.axes = camera_to_base.linear();
   pose.position.z() = frame.height->metres;
+  // A camera that sees the ground does not look at the sky, so `camera_to_base` is not the mounting
+  // on a level base (for example the default, the identity). From a pose with the ground behind the
+  // camera, the filter would find the mirrored motion.
+  if (!frame.down && !looksDown(downOf(pose))) {
+    pose.axes *= rotationBetween(Eigen::Vector3d::UnitZ(), downOf(pose));
+  }
   const Pose3 base_to_camera = camera_to_base.inverse();
   pose = onGround(frame, pose, base_to_camera.translation());
   pose.axes = aboutUp(-yawOf(pose.axes * base_to_camera.linear())) * pose.axes;

@@ -651,6 +651,23 @@ TEST(GroundMotion, FindsTheNormalFromTheMotion) {
   }
 }
 
+/// With the default `camera_to_base`, the base is the camera's frame, whose z axis points to the
+/// ground.
+TEST(GroundMotion, WithoutAMountingTheCameraStillLooksAtTheGround) {
+  Flight flight(downward(), 1e-5);
+  flight.gives_down = false;
+  GroundMotion ground{GroundMotionOptions()};
+  int known = 0;
+  for (int i = 0; i < 200; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (!estimate.hasTwist()) continue;
+    const Vector6 twist = kRate * motion::constantTwist(flight.truth(i - 1), flight.truth(i));
+    EXPECT_LT((estimate.twist - twist).head<3>().norm(), 0.05 * twist.head<3>().norm()) << i;
+    ++known;
+  }
+  EXPECT_GT(known, 150);
+}
+
 /// Result of a flight with some wrong readings.
 struct Outcome {
   test::Normalised twists;   // without the frames while the readings are wrong
