@@ -13,7 +13,7 @@ enum class Level : std::uint8_t {
   knn = 0,   ///< nearest neighbour; removed by the ratio filter (TF)
   kt = 1,    ///< passed KNN + TF; removed by GMS, or by the filter that replaces it
   ktg = 2,   ///< passed KNN + TF + GMS; removed by PROSAC
-  ktgp = 3,  ///< inlier of the homography
+  ktgp = 3,  ///< inlier of the homography or, if the geometry is epipolar, of this geometry
   /// Inlier of the homography, found by guided matching or growth near the position that the
   /// homography predicts. KtgpMatcher puts these matches into a list of their own
   /// (MatchResult::guided); the counts of the four stages do not include them.
@@ -27,7 +27,7 @@ struct Correspondence {
   std::int32_t reference_index = -1;
   std::int32_t target_index = -1;  ///< index of the keypoint in the target frame
   std::int32_t distance = 0;       ///< d1, Hamming distance to the nearest descriptor, 0..256
-  /// Hamming distance d2 to the second nearest descriptor, d1..256.
+  /// Hamming distance d2 to the second nearest descriptor, d1..256; 0 if there is no second one.
   std::int32_t second_distance = 0;
   Level level = Level::knn;
   /// True if the match also holds in the other direction: of all target descriptors, the target

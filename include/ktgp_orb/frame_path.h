@@ -29,7 +29,7 @@ class FramePath {
   /// The homography that maps frame `from` to frame `to`; empty if one of the frames is not stored.
   std::optional<Eigen::Matrix3d> between(std::int64_t from, std::int64_t to) const;
 
-  /// True if the homography is finite and can be inverted; add() takes others for none.
+  /// True if the homography is finite and can be inverted; add() treats any other as missing.
   static bool isUsable(const Eigen::Matrix3d& homography);
 
   void clear();

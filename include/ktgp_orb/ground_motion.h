@@ -71,23 +71,23 @@ struct GroundMotionOptions {
   /// vehicle's base frame. If the camera of a level base would look at the sky, as with the
   /// identity, and there is no DownReading, it is assumed to look straight down.
   Pose3 camera_to_base = Pose3::Identity();
-  /// Standard deviation of the slope of the ground between one keyframe and the next, >= 0; 0.01
-  /// means 1 m in 100 m. Since the slope may change, earlier readings of the height and the normal
-  /// count less with each new keyframe.
+  /// Standard deviation by which the slope of the ground changes over a flown distance as long as
+  /// the height, >= 0; 0.01 means 1 m in 100 m. Since the slope may change, earlier readings of the
+  /// height and the normal count less with each new keyframe, in proportion to the distance flown.
   double ground_slope = 0.002;
-  /// Time from the exposure of the first row of an image to the exposure of the last row, s. 0:
-  /// global shutter. Between -1 and 0: the last row is exposed first, for example because the
+  /// Time from the exposure of the first row of an image to the exposure of the last row, s, -0.2
+  /// to 0.2. 0: global shutter. Below 0: the last row is exposed first, for example because the
   /// driver rotates the images by 180 degrees. -1: not known. Unless the value is 0, GroundMotion
-  /// estimates the time.
+  /// estimates the time; a given time counts as right to 10 %.
   double readout_time = -1.0;
   /// Standard deviation of an error that scales all lengths by the same factor, >= 0; for example
   /// 0.05 if the height was measured only once, and that measurement may be off by 5 %.
   double scale_deviation = 0.0;
   /// Standard deviation of the acceleration, m/s², >= 0. Determines how much the velocity may
   /// change from one measurement to the next, and how fast the uncertainty grows during a gap, in
-  /// which no frame can be connected to earlier frames. `turn_acceleration`: standard deviation of
-  /// the angular acceleration, rad/s², >= 0; only used during a gap.
+  /// which no frame can be connected to earlier frames.
   double acceleration = 5.0;
+  /// Standard deviation of the angular acceleration, rad/s², >= 0; only used during a gap.
   double turn_acceleration = 2.0;
   /// Upper limit of the standard deviation of the ground's normal, rad, > 0. While the deviation is
   /// larger, no motion is reported.
@@ -116,8 +116,8 @@ enum class GroundStatus : std::uint8_t {
   /// set, and the motion begins anew.
   stamp_went_back = 8,
   not_finite = 9,  ///< numbers became too large to compute with; the motion begins anew
-  /// The camera looks above the horizon. Either many DownReadings in a row say so, or a single
-  /// DownReading says so and the images do not contradict it.
+  /// The camera looks above the horizon or less than 5.7 degrees below it. Either more than ten
+  /// DownReadings in a row say so, or one says so and the images do not contradict it.
   looks_away = 10,
 };
 
@@ -234,8 +234,9 @@ class GroundMotion {
 
   /// Adds the next frame. The reference is the previous frame or the reference of the previous
   /// frame (as in the modes of SequenceMatcher); with any other reference, the motion continues
-  /// from the predicted pose, as after a gap. Throws std::invalid_argument, without any change, for
-  /// unusable readings, a camera without focal length and a homography that is not finite. It also
+  /// from the predicted pose, as after a gap. Throws std::invalid_argument for unusable readings, a
+  /// K that no camera has, a frame that is its own reference, and a homography that is not finite,
+  /// mirrors the image or moves the whole reference out of it; the frame is then left out. It also
   /// throws if a different frame has the stamp of the last frame; the motion then continues as
   /// after a gap. If the last frame itself is added again, the estimate stays the same.
   const GroundEstimate& add(const GroundFrame& frame);

@@ -37,7 +37,8 @@ class GuidedMatcher {
   /// `homography`: reference to target, px. `matches` is set to the mutual nearest pairs within the
   /// radius, in target order, with Level::guided. If distances are equal, the keypoint with the
   /// lower index counts as nearest. `second_distance`: distance to the second nearest descriptor
-  /// within the radius, or 256 if there is none.
+  /// within the radius, or 256 if there is none. Throws std::invalid_argument for malformed
+  /// features, two kinds of descriptors, and more than 4 194 304 keypoints in a frame.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 

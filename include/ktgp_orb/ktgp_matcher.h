@@ -65,8 +65,8 @@ enum class StageId : std::uint8_t { knn, tf, gms, prosac, growth, guided, align,
 /// Returns the enumerator's name, e.g. "two_view".
 const char* toString(StageId stage);
 
-/// Counts and time of one stage, as in the message StageStatistics. The output of a stage is the
-/// input of the next one.
+/// Counts and time of one stage, as in the message StageStatistics. Of the paper's four stages, the
+/// output of a stage is the input of the next one.
 struct StageResult {
   StageId id = StageId::knn;
   /// For knn: number of target features. For the other stages: number of correspondences.
@@ -103,9 +103,9 @@ const char* toString(FoundBy found_by);
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
   /// ProsacHomography::estimate). With a search radius, KNN searches only near the predicted
-  /// positions, and growth does not run. A homography with few inliers is then rejected, because
-  /// only growth could judge it. In this case, match again with `whole_image`, as SequenceMatcher
-  /// does.
+  /// positions, and growth does not run. If growth is on, a homography with few inliers is then
+  /// rejected, because only growth could judge it. In this case, match again with `whole_image`, as
+  /// SequenceMatcher does.
   std::optional<Eigen::Matrix3d> prediction;
   /// If true, the whole image is searched, even if there is a search radius and a prediction.
   bool whole_image = false;

@@ -19,6 +19,7 @@ struct LensCalibration {
   cv::Size image_size;
   cv::Matx33d camera = cv::Matx33d::eye();  ///< camera matrix K, px
   std::vector<double> distortion;           ///< coefficients, in the order of LensModel
+  /// Rotation from the camera's frame to the frame of the rectified image (R of camera_info).
   cv::Matx33d rotation = cv::Matx33d::eye();
   /// Camera matrix K of the rectified image (without distortion), px.
   cv::Matx33d rectified_camera = cv::Matx33d::eye();

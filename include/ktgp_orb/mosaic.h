@@ -76,7 +76,7 @@ struct Panorama {
 /// A frame is drawn if the view has moved by at least 3 % of its width. The newest frame is also
 /// drawn when image() is called or the map is finished. If a frame cannot be connected to the map,
 /// this frame and the next frames are searched for in the map. A new map begins only if this fails
-/// for a second, and for at least three frames. The coordinates of the map are the pixel
+/// for a second, and for more than three frames. The coordinates of the map are the pixel
 /// coordinates of its first frame, extended beyond the frame on all sides. If the camera has only
 /// turned, by more than 20 degrees, the map is drawn on the cylinder of a Panorama. An instance
 /// belongs to one thread at a time.
@@ -141,8 +141,8 @@ class Mosaic {
   /// How far the scene of the newest frames deviates from a plane, px: the running mean of
   /// UncertainHomography::plane_deviation over the matches to keyframes; 0 without keyframes.
   double planeDeviation() const;
-  /// Returns true if planeDeviation() is so large that near or high objects may be drawn several
-  /// times.
+  /// Returns true if planeDeviation() is above 0.5 px: near or high objects may then be drawn
+  /// several times.
   bool hasParallax() const;
 
   void reset();

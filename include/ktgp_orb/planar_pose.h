@@ -50,7 +50,8 @@ struct PlanarPoses {
 /// pose: its rotation is kept, and only its position is fitted. There is no pose if the homography
 /// does not show a target in front of the camera, if the covariance is not positive definite, or if
 /// the fit converges from neither of the two starts. Throws std::invalid_argument for an empty
-/// size, and for a width or focal length that is not positive.
+/// size, a width that is not positive, and a K that is not finite, has a focal length that is not
+/// positive, or is not upper triangular with 1 as its last entry.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);

@@ -218,7 +218,8 @@ class SequenceMatcher {
   /// years).
   const SequenceMatch& match(const cv::Mat& image, double seconds,
                              const std::string& encoding = {});
-  /// Matches features that were extracted elsewhere. Throws in the same cases as requireValid.
+  /// Matches features that were extracted elsewhere; Features::images are shared, not copied.
+  /// Throws like requireValid, and for a time that the function above refuses.
   const SequenceMatch& match(const Features& features, double seconds);
   /// Matches a frame. The frame is kept, not copied: do not change it until its use_count() is 1
   /// again. Uses the result in `ahead` instead of matching again if canMatchAhead() is true for the

@@ -13,7 +13,7 @@
 namespace ktgp_orb {
 
 struct StabilizerOptions {
-  /// Time scale of the smoothing, s, > 0. Faster motion is removed as shake; slower motion is kept.
+  /// Time scale of the smoothing, s, 0.01..10. Faster motion is shake and removed; slower is kept.
   double strength = 0.4;
   /// Number of later frames to wait for before a frame is returned, 0..60. A larger lag gives a
   /// steadier picture but more delay.

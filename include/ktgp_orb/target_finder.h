@@ -60,7 +60,7 @@ struct TargetFinderOptions {
   /// enlarged only if no target is followed, if a small target is followed, or if a target was
   /// lost. In addition, every eighth frame is enlarged.
   double smallest_side = 45.0;
-  /// Time per frame for the search for targets that the last frame did not show, ms. While other
+  /// Time per frame to search for targets that the last frame did not show, ms, >= 0. While other
   /// targets are followed, a tenth of this time is used. If infinite, all candidates are tried on
   /// every frame. Even if the time is too short, a part of the keypoints is looked up and two
   /// candidates are tried. The extraction and the targets of the last frame take additional time.
@@ -76,9 +76,9 @@ struct DetectedTarget {
   /// with more or similar support is at the same place or encloses the part of this target that was
   /// found, since only one of the two can be there.
   Status status = Status::ok;
-  /// True if the standard deviation of a corner is more than 5 px, because only a small part of the
-  /// target was found or its position is inaccurate. Such a target is not followed and gets no
-  /// instance number.
+  /// True if the standard deviation of a corner is more than 5 px, both in the frame and in the
+  /// target's image, because only a small part of the target was found or its position is
+  /// inaccurate. Such a target is not followed and gets no instance number.
   bool uncertain = false;
   std::size_t image = 0;  ///< index in Target::images of the image that was found
   cv::Size image_size;    ///< size of that image, px

@@ -15,7 +15,7 @@ namespace ktgp_orb {
 class TargetPose {
  public:
   /// `readout_time`: readout time of a rolling shutter, s, -0.2 to 0.2 (see withoutShutter).
-  /// 0: global shutter; -1: not known. Throws std::invalid_argument.
+  /// 0: global shutter; -1: not known. Throws std::invalid_argument for any other value.
   explicit TargetPose(double readout_time = -1.0);
   ~TargetPose();
   TargetPose(TargetPose&&) noexcept;
@@ -31,8 +31,9 @@ class TargetPose {
   ///
   /// With lens distortion, no homography maps a flat target to the image. Therefore the point pairs
   /// of the detection are moved to where they would be without distortion, and a homography is
-  /// fitted to them. If the shutter is not global and the target was also seen in the previous
-  /// image, the pose refers to the time when the middle row was exposed (see withoutShutter).
+  /// fitted to them. If the target was also seen in the previous image, at most 0.2 s ago, the pose
+  /// refers to the time when the middle row was exposed; if the readout time is not known, only the
+  /// covariance allows for it (see withoutShutter).
   /// Throws in the same cases as planarPoses() and withoutShutter().
   PlanarPoses find(const DetectedTarget& target, const Eigen::Matrix3d& camera, const Lens* lens,
                    std::int64_t stamp, int rows);

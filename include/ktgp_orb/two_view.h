@@ -45,8 +45,8 @@ enum class Doubt : std::uint8_t {
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,
   other_motion = 7,  ///< another motion fits equally well, for a reason that is not listed above
-  /// The inliers do not determine the epipolar geometry. If there is a homography, the result is a
-  /// plane or a rotation instead; otherwise, or without TwoViewOptions::homography, there is none.
+  /// The inliers do not determine the epipolar geometry. The result is then a plane or a rotation
+  /// or, without a homography or without TwoViewOptions::homography, Geometry::none.
   undetermined = 8,
 };
 
@@ -56,22 +56,23 @@ const char* toString(Doubt doubt);
 /// Standard deviations of the errors that all points of an image share. The residuals do not show
 /// them, so the covariance of every geometry includes them. All are >= 0.
 struct SharedErrors {
-  /// Errors that vary linearly over the image, px, because calibration, lens model and shutter are
-  /// not exact.
+  /// Errors that vary linearly over the image, px at the mean distance of the points from their
+  /// centre, 0..1000, because calibration, lens model and shutter are not exact.
   double linear = 0.0;
-  double focal = 0.0;  ///< relative error of the focal length, the same in both images
-  double zoom = 0.0;   ///< change of the focal length between the images, as a share of it
-  /// Error of the principal point along x and along y, as a share of the focal length, the same in
-  /// both images.
-  double principal_point = 0.0;
-  /// Remaining radial distortion, px at the corners and with the third power of the radius, the
+  double focal = 0.0;  ///< relative error of the focal length, the same in both images, 0..1
+  double zoom = 0.0;   ///< relative change of the focal length between the images, 0..1
+  /// Error of the principal point along x and along y, as a share of the focal length, 0..1, the
   /// same in both images.
+  double principal_point = 0.0;
+  /// Remaining radial distortion, px at the corners, 0..1000; grows with the third power of the
+  /// radius and is the same in both images.
   double distortion = 0.0;
-  /// Readout time of a rolling shutter, as a share of the time between the images; 0: global
+  /// Readout time of a rolling shutter, as a share of the time between the images, 0..1; 0: global
   /// shutter.
   double readout = 0.0;
 
-  /// Returns typical errors of real cameras.
+  /// Returns 0.05 px, 1 %, 0.3 %, 0.3 %, 0.3 px and 1/3, typical of real cameras (sources:
+  /// shared_errors.cpp).
   static SharedErrors ofRealCameras();
   bool operator==(const SharedErrors& other) const;
 };
@@ -80,9 +81,9 @@ struct SharedErrors {
 struct TwoViewOptions {
   /// Largest reprojection error of an inlier of a homography in the target, px, > 0. For an
   /// epipolar geometry, the largest Sampson distance of an inlier is half of this value, since the
-  /// Sampson distance contains the errors in both images.
+  /// Sampson distance splits an error between both images.
   double max_error = 3.0;
-  int max_iterations = 1000;  ///< maximum number of samples of each search, 1..1000000
+  int max_iterations = 1000;  ///< maximum number of samples, 1..1000000; for the plane at most 250
   double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
   std::uint64_t seed = 1;     ///< random seed of the sampling; the same seed gives the same answer
   /// If false, only an epipolar geometry is an answer. The dominant plane is searched for all the
@@ -113,15 +114,15 @@ struct TwoViewInput {
   cv::Size reference_size;  ///< px; if empty, the bounding box of the points is used
   cv::Size target_size;     ///< px; if empty, the bounding box of the points is used
   /// A guess at the motion, for example the motion of the previous frame. It is scored before the
-  /// first sample and has no other advantage.
+  /// first sample, and the fit also starts from it. Not used without K or if its translation is 0.
   std::optional<RelativePose> prediction;
   /// For TwoViewMatcher: lens that maps points of the images to images without distortion, to which
   /// K belongs; null if the images have no distortion. With a lens, pairs, fundamental matrix and
   /// homography refer to images without distortion.
   const Lens* reference_lens = nullptr;
   const Lens* target_lens = nullptr;
-  /// Standard deviation of the error of each pair, relative to the error of the most precise pairs;
-  /// null if all pairs are equally precise. TwoViewMatcher sets it.
+  /// Standard deviation of the error of each pair, 1e-6..1e6, relative to the error of the most
+  /// precise pairs, which have 1; null if all pairs are equally precise. TwoViewMatcher sets it.
   const std::vector<double>* deviations = nullptr;
   /// A guess at the homography, for example from the matches before alignment.
   std::optional<Eigen::Matrix3d> homography;
@@ -154,7 +155,7 @@ struct TwoView {
   Geometry geometry = Geometry::none;
 
   /// If the geometry is a plane or a rotation: its homography. If it is epipolar: the homography of
-  /// the dominant plane, if there is one. Otherwise zero.
+  /// the dominant plane, if there is one and TwoViewOptions::homography is true. Otherwise zero.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// The fundamental matrix F for positions in px: x_target^T F x_reference = 0. Its norm is 1. It
   /// is zero for a rotation, and for a plane if K is not known.
@@ -189,7 +190,7 @@ struct TwoView {
 
   /// log10 of the number of false alarms: the expected number of models that get the same support
   /// by chance (Moisan & Stival, IJCV 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 if there is no
-  /// model. The model with the smaller number is chosen.
+  /// model. The epipolar geometry is chosen if its number is smaller, and below 1e-20.
   double log_false_alarms_homography = 0.0;
   double log_false_alarms_epipolar = 0.0;
   int iterations = 0;  ///< number of samples drawn in the search for the epipolar geometry
@@ -227,8 +228,9 @@ class TwoViewEstimator {
   const TwoViewOptions& options() const;
 
   /// Throws std::invalid_argument for arrays of different length, values that are not finite, and
-  /// an impossible K: focal lengths that no camera has, entries that are not finite, or a principal
-  /// point outside the image, which happens if K belongs to another image size.
+  /// an impossible K: focal lengths that no camera has, fx / fy outside 1/4..4, entries that are
+  /// not finite, a K of the target alone, one K for two image sizes, or a principal point outside
+  /// the image, which happens if K belongs to another image size.
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
 
  private:
@@ -289,13 +291,14 @@ class TwoViewMatcher {
 
 /// Computes the scene points of the inliers, in the order of the pairs. `points` is empty if there
 /// is no pose with a translation. Pairs whose rays are parallel within the errors are left out. The
-/// errors of all pairs have the scale TwoView::scale, or rmse if it is 0.
+/// errors of all pairs have the scale TwoView::scale, or rmse if `scale` is 0. Throws
+/// std::invalid_argument if the mask of `geometry` has another length than `pairs`.
 void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
                  std::vector<ScenePoint>& points);
 
-/// The same for matches. Aligned pairs and others have scales of their own, which are measured.
-/// Prefer this function: TwoView::scale is the scale of aligned pairs, and other pairs are less
-/// accurate.
+/// Computes the scene points of `matches`. Measures the error of the aligned pairs and the error of
+/// the other pairs separately. Prefer this function: TwoView::scale is the error of aligned pairs,
+/// and other pairs are less accurate.
 void triangulate(const TwoViewMatches& matches, const TwoViewInput& input,
                  std::vector<ScenePoint>& points);
 

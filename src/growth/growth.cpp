@@ -398,7 +398,7 @@ bool HomographyGrowth::Impl::isBacked(std::size_t i, bool& repeats) {
 /// Returns true if `other` could be right instead of `one`. It must contradict `one` and, if the
 /// shares of nearest-neighbour votes are known for both, have more than half the share of `one`.
 /// Votes for what both agree on do not count: a distorted copy of `one` has many of its votes. If
-/// the details that exist once decide, `other` must also have more than half their share.
+/// single details decide for `one`, `other` must also find more than half as large a share of them.
 bool HomographyGrowth::Impl::isRival(std::size_t other, std::size_t one) {
   constexpr double kClear = 2.0;
   if (other == one) return false;

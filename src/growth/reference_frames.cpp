@@ -54,7 +54,7 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
 }
 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {
-  constexpr double kSqueeze = 1.8;
+  constexpr double kSqueeze = 1.8;     // views with at most this tilt to the target are used
   constexpr double kMaxSqueeze = 4.0;  // largest tilt between the target and the most similar view
   constexpr double kMaxArea = 64.0;    // largest change of area: a factor of eight in length
   const double area = jacobian.determinant();

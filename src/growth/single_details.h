@@ -36,7 +36,7 @@ class SingleDetails {
     /// fewer than a tenth are found. Of a few details, one or two that are found are not enough.
     bool contradict() const;
     /// Returns true if the single details alone show that the homography is right: at least a
-    /// fifth are found.
+    /// fifth are found, less one standard deviation, with eight neighbouring details taken as one.
     bool settle() const;
   };
 

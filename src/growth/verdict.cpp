@@ -12,9 +12,9 @@ namespace {
 
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
-constexpr double kAboveLargest = 1.5;
-constexpr double kElsewhere = 10.0;  // px; a match with a smaller error contradicts nothing
-constexpr double kRounds = 10.0;     // maximum number of rounds of a growth (see GrowthPlan)
+constexpr double kAboveLargest = 1.5;  // minimum ratio to the match rate of each shifted copy
+constexpr double kElsewhere = 10.0;    // px; a match with a smaller error contradicts nothing
+constexpr double kRounds = 10.0;       // maximum number of rounds of a growth (see GrowthPlan)
 // Side of a cell, px; two descriptor patches at this distance share half of their width.
 constexpr float kCell = 12.F;
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};

@@ -103,7 +103,7 @@ class Verdict {
   bool isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells);
 
   struct Decoy {
-    double chances;
+    double chances;  // number of opportunities: predictions within kRadius of a target keypoint
     Counts counts;
   };
   static constexpr std::size_t kDecoys = 48;

@@ -19,8 +19,9 @@ namespace ktgp_orb::homography {
 ///
 /// An inlier counts only if it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
-/// support a homography only once. Four pairs are never enough. Five exact pairs are enough, and so
-/// are six of eight pairs with errors of 3 px. Reuses its buffers from call to call.
+/// support a homography only once. Four pairs are never enough. With target points over 640x480 px,
+/// five exact pairs alone are enough, and so are six of eight pairs with errors of 3 px. Reuses its
+/// buffers from call to call.
 class HomographyVerdict {
  public:
   /// Returns true if the homography of `answer`, in px, can be trusted. `pairs`: the matches that

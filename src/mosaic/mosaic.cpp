@@ -45,8 +45,8 @@ constexpr std::int64_t kPredictable = 100'000'000;
 // the shortest period that can be found in a frame of 400 px.
 constexpr double kNoSurprise = 4.0;
 // A frame looks like the map if Impl::difference() is less than this. Measured on drawn slabs and
-// solar panels: 0.3 to 3 at the right place, 1.2 to 4 a period off. Noise that is stronger than the
-// dirt gives at least 2/3 at any place, because the map is a mean of up to three frames.
+// solar panels: 0.3 to 3 at the right place, 1.2 to 4 a period off. Noise stronger than the dirt in
+// which periods differ gives at least 2/3 anywhere, as the map is a mean of up to three frames.
 constexpr double kSame = 0.5;
 // A frame and its copy a period away must differ by at least this (1 - correlation), otherwise
 // nothing tells the two places apart. Where drawn windows differ by 0.007, single frames measured

@@ -28,7 +28,7 @@ using motion::Matrix6;
 // Largest accepted misfit of a homography, in standard deviations.
 constexpr double kHomographyLimit = 10.0;
 constexpr int kPatience = 10;          // after this many refused frames, continue as after a gap
-constexpr double kUnknownTilt = 0.35;  // rad
+constexpr double kUnknownTilt = 0.35;  // rad; standard deviation of a tilt that is not known yet
 // Standard deviation of x, y (as a share of the height) and yaw (rad) of the first pose.
 constexpr double kOrigin = 1e-6;
 
@@ -261,9 +261,10 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter filter_before = filter;
   estimate.gap = std::max(0.0, sinceLast(frame));
-  // The reference must have readings of its own. Those of this frame, with the doubt of the motion
-  // in between, would leave the height and the tilt so uncertain that the correction by the next
-  // readings is far beyond the range of its linearisation, which the covariance does not show.
+  // The reference must have readings of its own. With the readings of this frame alone, the
+  // uncertain motion in between would leave the height and the tilt so uncertain that the next
+  // readings correct them far beyond the range of the linearisation, and the covariance would not
+  // include this error.
   if (before.down && !looksDown(before.down->direction)) before.down.reset();
   const bool has_readings = (!frame.height || before.height) && (!frame.down || before.down);
   const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp &&

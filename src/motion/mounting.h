@@ -39,7 +39,7 @@ class Mounting {
   /// unknowns. `to_base`: rotation from the camera to the base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
   /// Size of the error, rad, that the delay and the wrong mounting of the Imu cause in a
-  /// TurnReading; add it to the reading's standard deviation. Estimates that may be due to noise do
+  /// TurnReading; add its square to the reading's variance. Estimates that may be due to noise do
   /// not count. `turn`: rotation vector of the reading, rad. `change`: change of the angular
   /// velocity since the previous TurnReading, rad/s.
   double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;

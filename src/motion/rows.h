@@ -55,8 +55,8 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// Returns true if the camera looks below the horizon. `down`: direction to the ground, in the
-/// camera's frame.
+/// Returns true if the camera looks at least 5.7 degrees below the horizon. `down`: direction to
+/// the ground, in the camera's frame.
 bool looksDown(const Eigen::Vector3d& down);
 /// Returns true if the beam of the range sensor meets the ground, or if the reading has no beam.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);

@@ -13,7 +13,8 @@ namespace ktgp_orb::motion {
 /// is plausible, because on repetitive ground a homography may be off by one period.
 class Velocity {
  public:
-  /// Starts without a known velocity: the camera may stand still or move.
+  /// Starts without a known velocity: the standard deviation is one second of `acceleration`, in
+  /// m/s, and one second of `turn_acceleration`, in rad/s.
   void start(const GroundMotionOptions& options);
   /// Forgets the last velocity, because the next pose is not connected to it.
   void interrupt() { is_measured_ = false; }

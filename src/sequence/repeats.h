@@ -15,8 +15,8 @@ namespace ktgp_orb::sequence {
 /// the camera usually needs for a new image (1.5 times the longest interval, at most 0.375 s; 0.1 s
 /// while no interval is known), the camera stands still. From then on, equal images count as new
 /// images, so that the results show the standstill. A slower camera repeats images for longer than
-/// that. So equal images that alternate with new ones are repetitions at any rate, unless there are
-/// more of them in a row than before.
+/// this time. So equal images that alternate with new images are repetitions whatever the interval,
+/// unless more equal images follow each other than before.
 class Repeats {
  public:
   /// Returns true if `image` is a repetition of `last`, the newest image that was not a repetition.
@@ -28,8 +28,10 @@ class Repeats {
  private:
   /// Number of successive images with small differences in an alternation; see alternationWith().
   struct Alternation {
-    int row = 0;  // up to the newest image; 0 if its difference is not small, or nothing alternates
-    int longest = 0;  // the largest number before
+    // Length of the row that ends with the newest image; 0 if its difference is not small, or if
+    // the differences do not alternate.
+    int row = 0;
+    int longest = 0;  // length of the longest earlier row
   };
 
   Alternation alternationWith(double difference);

@@ -27,7 +27,7 @@ class Appearance {
     /// blocks look alike.
     double log_false_alarms = 0.0;
     double agreement = 0.0;  ///< share of the textured blocks in view that look alike, 0..1
-    bool differs = false;    ///< true if most textured blocks in view do not look alike
+    bool differs = false;    ///< true if fewer than 30 % of 12 or more such blocks look alike
   };
 
   /// The share of blocks that look alike at the homography's position must be at least this many

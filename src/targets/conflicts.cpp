@@ -144,9 +144,9 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
          share * std::max(cv::contourArea(a), cv::contourArea(b));
 }
 
-// An image has another part than the picture found in it, such as another text, which is so large
-// that conflicts() can tell the two pictures apart, if more than this share of the blocks clearly
-// differs. It lies between two measurements: in 350 copies of pictures with other light, scale and
+// If more than this share of the blocks clearly differs, the image has a part, such as another
+// text, that the picture found in it does not have; conflicts() then tells the two apart.
+// The limit lies between two measurements: in 350 copies of pictures with other light, scale and
 // blur, found in the right place, at most 0.031 of the blocks differ; in different signs that have
 // the upper half and one word of the lower half in common, at least 0.041 differ. Glare with a
 // sharp edge may change 0.08 of the blocks, so it may be taken for a difference.

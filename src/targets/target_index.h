@@ -53,7 +53,7 @@ class TargetIndex {
   /// Tables with the descriptors of some of the pictures.
   struct Segment {
     std::vector<Entry> entries;
-    BitTables tables{48, 8};
+    BitTables tables{48, 8};  // fullest_cell, most_other_bits
   };
 
   const growth::Bits& bitsOf(const Entry& entry) const {

@@ -375,7 +375,7 @@ std::size_t EpipolarFit::select(const Epipolar& geometry, double reach, std::siz
 }
 
 bool EpipolarFit::step(double reach, Epipolar& geometry) {
-  constexpr std::size_t kEnough = 200;  // best pairs
+  constexpr std::size_t kEnough = 200;  // a step uses at most this many pairs, the best ones
   constexpr double kScales = 3.0;       // assumed ratio of `reach` to the scale of the errors
   fit_.weights().setScale(reach / kScales);
   const auto freedom = static_cast<std::size_t>(problem_.pairs->freedom());

@@ -23,18 +23,19 @@ struct NumberField {
 template <typename Visit, typename... Holders>
 void visitNumbers(Visit visit, Holders&... holders) {
   visit(NumberField{"probability",
-                    "That the motion is the right one, 0 to 1; the rest is that of "
-                    "the other motion. 0 without a motion."},
+                    "Probability that the motion is right, 0 to 1; the other motion has "
+                    "the rest. 0 without a motion."},
         holders.probability...);
   visit(NumberField{"parallax",
                     "Median angle between the two rays of an inlier, degrees; NaN without K."},
         holders.parallax...);
   visit(NumberField{"log_false_alarms_homography",
-                    "log10 of the number of such homographies that chance would give."},
+                    "log10 of the expected number of homographies that get the same "
+                    "support by chance."},
         holders.log_false_alarms_homography...);
   visit(NumberField{"log_false_alarms_epipolar",
-                    "The same for the epipolar geometry; the smaller "
-                    "one decides."},
+                    "The same for epipolar geometries. An epipolar geometry needs the "
+                    "smaller number, and less than -20."},
         holders.log_false_alarms_epipolar...);
 }
 

@@ -64,8 +64,8 @@ std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
 
 /// How far the camera may have moved sideways over a plane that faces it, besides turning: the root
 /// mean square along an axis, in units of the distance to the plane. Such a motion hardly differs
-/// from a rotation if the field of view is small. Arguments as for nearestTurn(); empty if the
-/// covariance is singular.
+/// from a rotation if the field of view is small. `rotation`: the rotation of the camera; the other
+/// arguments are as for nearestTurn(). Empty if the covariance is singular.
 std::optional<double> sidewaysOf(const Eigen::Matrix3d& homography,
                                  const Eigen::Matrix<double, 8, 8>& covariance,
                                  const Cameras& cameras, const Eigen::Matrix3d& rotation);

@@ -17,12 +17,12 @@ using Displacement = std::pair<double, double>;
 /// keypoint at nearly the same place count once. Reuses its buffers from call to call.
 class Support {
  public:
-  /// Pairs within `apart` px of each other, in either image, count once.
+  /// Pairs with a point in the same square cell of `apart` px, in either image, count once.
   void load(const PointPairs& pairs, double apart);
 
   /// log10 of the number of false alarms, the lowest over all choices of how many of the best pairs
   /// count as inliers; at most 0. `chance`: for each pair, the probability that it agrees with a
-  /// wrong model at least as closely as with this model; above 1 if the pair does not agree with
+  /// wrong model at least as closely as with this model; 1 or more if the pair does not agree with
   /// this model, NaN if it does not count. `sample`: number of pairs that determine a model.
   /// `models`: largest number of models of a sample.
   double logFalseAlarms(const std::vector<double>& chance, std::size_t sample, double models);

@@ -55,8 +55,8 @@ double medianOf(std::vector<double>& values) {
   return *middle;
 }
 
-/// Returns true if the neighbour of a point of `some` is one of `others` at least half as often as
-/// if both were scattered at random.
+/// Returns true if the two sets are mixed: if the nearest neighbour of a point of `some` is in
+/// `others` more than half as often as it would be if all points were scattered at random.
 bool areMixed(const std::vector<Eigen::Vector2d>& some,
               const std::vector<Eigen::Vector2d>& others) {
   constexpr double kLeastShare = 0.5;
@@ -103,11 +103,11 @@ struct TwoViewEstimator::Impl {
   double cellOf(const PointPairs& pairs, const TwoViewInput& input) const;
   void judgeHomography(const PointPairs& pairs, const TwoViewInput& input);
   void judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input);
-  /// Evidence for parallax: the target points are displaced from the positions that the homography
-  /// predicts. If there is parallax, these displacements follow the epipolar lines more closely
-  /// than displacements with random directions would. Given the homography, two pairs determine the
-  /// epipole. `f`: fundamental matrix in px. `chance`: above 1 for pairs that do not agree with it,
-  /// as judgeEpipolar() sets it; overwritten.
+  /// Returns log10 of the number of false alarms of the parallax. If there is parallax, the
+  /// displacements of the target points from the positions that the homography predicts follow the
+  /// epipolar lines more closely than random directions would. Given the homography, two pairs
+  /// determine the epipole. `f`: fundamental matrix in px. Overwrites the member `chance`, which is
+  /// above 1 for pairs that do not agree with `f` (see judgeEpipolar).
   double logFalseParallax(const PointPairs& pairs, const Eigen::Matrix3d& f);
   Covariance6 turnCovariance(const PointPairs& pairs) const;
   static void refuse(Doubt doubt, TwoView& result);
@@ -363,8 +363,8 @@ double TwoViewEstimator::Impl::logFalseParallax(const PointPairs& pairs, const E
   }
   const double by_all =
       std::min(support.logFalseAlarms(chance, 2, 1.0), support.logParallax(displaced));
-  // A few near points in front of a far scene are not unlikely among all pairs, most of which show
-  // no parallax. So they also count by themselves.
+  // Chance explains a few points with parallax among many pairs without parallax. So the pairs far
+  // off the homography are also tested alone; pairs near the homography (kNear) are left out.
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (displaced[i].first > 0.0) chance[i] = kNaN;
   }
@@ -379,8 +379,8 @@ Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::planeCovariance(
   return plane.answer.covariance + changes * changes.transpose();
 }
 
-/// Like planeCovariance(), under the assumption that the calibration is poor, for example because K
-/// comes from a data sheet.
+/// Like planeCovariance(), but with the shared errors of a poor calibration, for example a K from a
+/// data sheet. Equals planeCovariance() if options.shared_errors are 0, as by default.
 Eigen::Matrix<double, 8, 8> TwoViewEstimator::Impl::poorCovariance(
     const PointPairs& pairs, const TwoViewInput& input) const {
   constexpr double kPoorLinear = 10.0;  // as a multiple of options.shared_errors
@@ -433,9 +433,9 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
          static_cast<double>(inside) < kResting * (moving + static_cast<double>(inside));
 }
 
-/// Sets the doubt `repetitive` if many of the most precise pairs do not agree with the motion, or
-/// if those off the dominant plane may be on it, a period off (see secondLayer). The most precise
-/// pairs are the pairs whose patches could be aligned. If the motion is right, nearly all of them
+/// Sets the doubt `repetitive` if many precise pairs (deviation of 1: aligned patches) do not agree
+/// with the motion, or if the precise pairs off the dominant plane may be points of this plane that
+/// were matched a period off (see secondLayer). If the motion is right, nearly all precise pairs
 /// agree with it: 85 % or more in 340 of 351 image pairs of 21 sets. If a texture repeats itself,
 /// many disagree, as in all 20 image pairs of a synthetic facade and a chessboard. The motion may
 /// then be wrong by the median error of the pairs that disagree, or by the period. If hardly any
@@ -443,8 +443,8 @@ bool TwoViewEstimator::Impl::movesInOneRegion(const PointPairs& pairs,
 void TwoViewEstimator::Impl::doubtRepetition(const PointPairs& pairs, const TwoViewInput& input,
                                              TwoView& result) {
   constexpr double kLeastShare = 0.85;
-  // Below this share, there is no motion. It was at least 0.47 in 472 image pairs of 23 sets, also
-  // with a wrong motion, and 0.08 in a mirrored photograph that had one.
+  // Below this share, there is no motion. The share was at least 0.47 in 472 image pairs of 23
+  // sets, even if the motion was wrong, and 0.08 for a mirrored photograph that got a motion.
   constexpr double kHardlyAny = 0.33;
   constexpr std::size_t kFew = 8;      // minimum number of precise pairs that disagree
   constexpr double kOpenTurn = 0.2;    // rad; largest standard deviation added to the rotation

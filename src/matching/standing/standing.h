@@ -30,12 +30,12 @@ class Standing {
   /// be a mixture of both motions. `max_error`: largest error of an inlier, px.
   bool mayMislead(const Eigen::Matrix3d& answer, double max_error);
   /// Returns true if the scene itself moves, not just one object in front of a still camera. Call
-  /// mayMislead() first. `moving`: homography of the moving matches, whose mask marks those that
-  /// agree with it. There must be enough of them, and they must be spread over the same part of the
-  /// image as the matches that stand still; a single object covers less. If the answer leaves the
-  /// whole image in place, it is also enough that they are a clear majority. If it does not, most
-  /// of the matches that stand still must contradict `moving`, unlike those near the axis of a
-  /// turn.
+  /// mayMislead() first. `moving`: homography of the moving matches; its mask marks the moving
+  /// matches that agree with it. At least 20 must agree, spread over the same part of the image as
+  /// the still matches; a single object covers less. If the answer moves the image, most still
+  /// matches must also contradict `moving`; still matches near the axis of a turn would not. If the
+  /// answer leaves the image in place and most still matches contradict `moving`, twice as many
+  /// moving as still matches are enough, however they are spread.
   bool isScene(const ProsacResult& moving);
   /// Lowers the level of each match that does not move where the homography moves the scene to
   /// Level::kt, as if it had not passed GMS.
