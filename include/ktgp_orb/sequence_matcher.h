@@ -241,8 +241,7 @@ class SequenceMatcher {
   /// Makes the next frame the fixed reference; the frame after it is the first to be matched.
   void fixNextFrame();
 
-  /// Begins a new sequence with the next frame, but keeps a fixed reference. Like reset(), cancels
-  /// fixNextFrame().
+  /// Begins a new sequence with the next frame, but keeps a fixed reference and fixNextFrame().
   void restart();
   /// Forgets every reference, including the fixed one, and cancels fixNextFrame() if it was called
   /// since the last frame.

@@ -179,9 +179,11 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
-  if (wanted.orb != options.orb) extractor = std::move(new_extractor);
+  const bool same_features = wanted.orb == options.orb;
+  if (!same_features) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
-  views.forget();
+  // Other options, such as those of a mask that moves, keep the views: making them takes a while.
+  if (!same_features || wanted.matcher.growth.views != options.matcher.growth.views) views.forget();
   keeper.setOptions(wanted.reference);
   options = wanted;
   has_other_input = true;
@@ -412,7 +414,6 @@ void SequenceMatcher::fixNextFrame() {
 
 void SequenceMatcher::restart() {
   impl_->keeper.forget(NoReference::first_frame);
-  impl_->fix_next_frame = false;
   impl_->forgetAnswer();
 }
 

@@ -458,6 +458,34 @@ TEST(SequenceMatcher, ViewsAreThoseOfTheNewestReference) {
   EXPECT_EQ(matcher.viewsState(), ViewsState::none);
 }
 
+TEST(SequenceMatcher, OnlyOtherFeaturesOrViewsDiscardTheViews) {
+  SequenceMatcher matcher(withViews(false));
+  const FramePtr reference = referenceOf(matcher, cv::Size(900, 700), 6);
+  matcher.setFixedReference(reference);
+  matchPart(matcher, reference->image, 0);
+  ASSERT_EQ(matcher.viewsState(), ViewsState::ready);
+  SequenceOptions options = withViews(true);
+  options.matcher.prosac.max_error = 2.0;
+  matcher.setOptions(options);
+  matchPart(matcher, reference->image, 1);
+  EXPECT_EQ(matcher.viewsState(), ViewsState::ready);
+  options.orb.max_features += 100;
+  matcher.setOptions(options);
+  matchPart(matcher, reference->image, 2);
+  EXPECT_EQ(matcher.viewsState(), ViewsState::being_made);
+}
+
+TEST(SequenceMatcher, RestartKeepsTheRequestForAFixedReference) {
+  SequenceMatcher matcher(sequenceOf(ReferenceMode::fixed));
+  matcher.fixNextFrame();
+  matcher.match(view(0), 1.0);
+  matcher.fixNextFrame();
+  matcher.restart();
+  matcher.match(view(1), 2.0);
+  ASSERT_TRUE(matcher.fixedReference());
+  EXPECT_EQ(matcher.fixedReference()->stamp, 2'000'000'000);
+}
+
 TEST(SequenceMatcher, MatchAheadNeedsItsReference) {
   const SequenceOptions options = withImages(sequenceOf(ReferenceMode::previous));
   OrbExtractor extractor(options.orb);
