@@ -213,9 +213,9 @@ class TwoViewTest(MatcherCase):
             files = [os.path.join(folder, name) for name in ('first.png', 'second.png', 'out.json')]
             cv2.imwrite(files[0], FIRST)
             cv2.imwrite(files[1], PLANE)
-            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_match', *files[:2], '--preset', 'slam', '--json', files[2],
-                            '--camera', '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])], check=True,
-                           stdout=subprocess.DEVNULL)
+            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_match', *files[:2], '--preset', 'slam', '--features', '2000',
+                            '--json', files[2], '--camera', '%g,%g,%g,%g' % (K[0, 0], K[1, 1], K[0, 2], K[1, 2])],
+                           check=True, stdout=subprocess.DEVNULL)
             with open(files[2]) as file:
                 expected = json.load(file)['two_view']
         self.assertEqual(expected['doubt'], 'two_motions_of_a_plane')
