@@ -18,11 +18,16 @@ using Lock = std::lock_guard<std::mutex>;
 
 constexpr double kMaxDropShare = 0.5;  // a larger share of dropped messages gives a warning
 constexpr double kLateError = 4.0;     // a latency above this multiple of max_latency is an error
-// Seconds; if the mean latency is farther from zero than this, the stamps come from another clock.
-constexpr double kImplausibleLatency = 3600.0;
+// Seconds. If the mean latency is larger than this, the stamps come from another clock. A node
+// holds no image for so long: its queues have one to a few images.
+constexpr double kImplausibleLatency = 60.0;
+constexpr double kAhead = 0.1;  // s; stamps may be ahead of a simulated clock that ticks rarely
 // A refusal is logged again only after this time. We do not use ROS_*_THROTTLE for this, because
 // all nodelets of a process share its timer, and it logs nothing while ROS time is zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
+// A problem that comes and goes, such as one frame in ten without a homography, is logged again
+// only after this time.
+constexpr std::chrono::seconds kRepeatProblem{60};
 constexpr const char* kIdle = "idle: no subscriber on any output";
 constexpr const char* kArrived = "arrived";
 
@@ -123,16 +128,20 @@ void Diagnosis::set(const std::string& kind, const std::string& text, bool log,
     return;
   }
   const std::string line = util::printable(text, 600);
-  std::string& before = problems[kind];
-  if (log && withoutNumbers(before) != withoutNumbers(line)) {
-    ROS_WARN_NAMED(logger_, "%s", line.c_str());
-  }
-  before = line;
+  const std::string before = std::exchange(problems[kind], line);
+  const std::string words = withoutNumbers(line);
+  if (!log || withoutNumbers(before) == words) return;
+  Logged& logged = logged_[kind];
+  const auto now = Clock::now();
+  if (logged.words == words && now - logged.time < kRepeatProblem) return;
+  logged = {words, now};
+  ROS_WARN_NAMED(logger_, "%s", line.c_str());
 }
 
 void Diagnosis::setProblem(const std::string& kind, const std::string& text, bool log) {
   const Lock lock(mutex_);
-  set(kind, text, log, problems_);
+  // The worker may still be at a frame when the inputs are unsubscribed.
+  if (listening_) set(kind, text, log, problems_);
 }
 
 void Diagnosis::setFault(const std::string& kind, const std::string& text, bool log) {
@@ -275,6 +284,9 @@ void Diagnosis::reportLatency(Report& report) {
   if (clock_is_missing_ && listening_) {
     report.summary(DiagnosticStatus::WARN,
                    "use_sim_time is set, and /clock has no publisher: the latency is not known");
+  } else if (frames > 0.0 && mean < -kAhead && mean > -kImplausibleLatency) {
+    report.summary(DiagnosticStatus::WARN,
+                   "image stamps are ahead of this computer's clock; synchronise the clocks");
   } else if (std::abs(mean) > kImplausibleLatency) {
     report.summary(
         DiagnosticStatus::WARN,
@@ -286,7 +298,7 @@ void Diagnosis::reportLatency(Report& report) {
     report.summary(DiagnosticStatus::OK, "results are on time");
   }
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
-  report.addf("maximum (ms)", "%.2f", 1e3 * sum.max_latency);
+  report.addf("maximum (ms)", "%.2f", frames > 0.0 ? 1e3 * sum.max_latency : 0.0);
   report.addf("work per frame, mean (ms)", "%.2f", ratio(sum.milliseconds, frames));
 }
 

@@ -52,7 +52,8 @@ class Diagnosis {
 
   /// Reports a problem with the frames until it is cleared. `kind`: name that identifies the
   /// problem. `text`: description; an empty text clears the problem. Unsubscribing the inputs
-  /// clears it, too. `log`: also write the problem to the log.
+  /// clears it, too, and until they are subscribed again, problems are ignored. `log`: also write
+  /// the problem to the log, the same one at most once a minute.
   void setProblem(const std::string& kind, const std::string& text, bool log = true);
   /// Like setProblem(), but unsubscribing the inputs does not clear the problem.
   void setFault(const std::string& kind, const std::string& text, bool log = true);
@@ -87,8 +88,12 @@ class Diagnosis {
   struct Times {
     double seconds = 0.0;
     double latency = 0.0;
-    double max_latency = 0.0;
+    double max_latency = -std::numeric_limits<double>::infinity();
     double milliseconds = 0.0;
+  };
+  struct Logged {
+    std::string words;  // the last text in the log, without its numbers
+    Clock::time_point time;
   };
   // Call these with mutex_ locked.
   void set(const std::string& kind, const std::string& text, bool log, Problems& problems);
@@ -113,6 +118,7 @@ class Diagnosis {
   Clock::time_point period_start_ = Clock::now();
   Clock::time_point last_refusal_;
   std::string last_error_;  // reason of the last refusal; empty if nothing was refused recently
+  std::map<std::string, Logged, std::less<>> logged_;  // by kind of problem
   Problems problems_;
   Problems faults_;
   std::string state_ = "works";

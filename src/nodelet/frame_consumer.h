@@ -94,7 +94,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
     const bool is_rectified = message.rectified != 0;
     return "the homographies on " + homographies_->topic() + " are of " + kinds[is_rectified] +
            " images, and do not fit the " + kinds[!is_rectified] + " ones on " + images_->topic() +
-           "; expected the same images for both (see the matcher's rectify and calibration)";
+           ", which its name says they are; expected the same images for both (see the matcher's "
+           "rectify and calibration), or a topic whose name tells their kind";
   }
 };
 

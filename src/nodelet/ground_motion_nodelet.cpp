@@ -94,7 +94,7 @@ void GroundWork::configure(const GroundMotionConfig& config) {
 }
 
 void GroundWork::addMatch(const MatchConstPtr& match) {
-  constexpr std::size_t kMost = 10;
+  constexpr std::size_t kMost = 100;  // 0.8 s at 120 images a second
   waiting_.emplace_back(match, ros::WallTime::now());
   while (waiting_.size() > kMost) {
     process(waiting_.front().first);

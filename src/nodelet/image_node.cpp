@@ -188,8 +188,7 @@ void NodeBase::watchInputs(bool clock_stands) {
   std::string silence;
   std::string mixture;
   for (const auto& input : inputs_) {
-    InputWatch* const watch = input->watch();
-    if (watch == nullptr) continue;
+    InputWatch& watch = input->watch();
     std::uint32_t publishers = 0;
     bool listening = false;
     {
@@ -198,14 +197,15 @@ void NodeBase::watchInputs(bool clock_stands) {
       if (listening) publishers = input->publishers();
     }
     input->setPublishers(publishers);
-    if (mixture.empty()) mixture = watch->mixture(publishers);
+    if (mixture.empty()) mixture = watch.mixture(publishers);
+    if (input->mayBeSilent()) continue;
     // Do not report silence while a bag is paused, or before bag.launch plays its bag (bag.launch
     // sets this parameter). In all other cases report silence, even if the clock never started.
     if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
-    const std::string warning = watch->tick(listening, input->arrived(), publishers);
+    const std::string warning = watch.tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
-    if (silence.empty() && watch->silentSeconds() > kSilence) {
-      silence = noneOn(input->what(), input->topic(), watch->trouble());
+    if (silence.empty() && watch.silentSeconds() > kSilence) {
+      silence = noneOn(input->what(), input->topic(), watch.trouble());
     }
   }
   diagnosis_.setInput(silence, mixture);

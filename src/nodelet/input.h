@@ -34,9 +34,11 @@ class Input {
   /// Subscribes or unsubscribes. Call it again after enable().
   void subscribe(bool wanted);
 
-  /// The InputWatch of this input; null if missing messages are not reported. Use it only in the
-  /// slow queue, because it waits for the answers of the ROS master.
-  InputWatch* watch() { return watch_.get(); }
+  /// The InputWatch of this input. Use it only in the slow queue, because it waits for the answers
+  /// of the ROS master.
+  InputWatch& watch() { return *watch_; }
+  /// True if it is not reported that no message arrives.
+  bool mayBeSilent() const { return may_be_silent_; }
   /// Sets the number of publishers of the topic; called in the slow queue.
   void setPublishers(std::uint32_t count) { known_publishers_ = count; }
 
@@ -49,6 +51,7 @@ class Input {
   std::string topic_;
   std::string what_;
   std::unique_ptr<InputWatch> watch_;
+  bool may_be_silent_ = false;
   std::atomic<std::uint32_t> known_publishers_{0};
 
  private:
@@ -63,14 +66,15 @@ class MessageInput : public Input {
  public:
   using Callback = std::function<void(const boost::shared_ptr<const Message>&)>;
 
-  /// `is_watched`: report if nothing arrives. `queue_size`: see ros::NodeHandle::subscribe.
+  /// `is_watched`: report if nothing arrives; that several nodes publish is always reported.
+  /// `queue_size`: see ros::NodeHandle::subscribe.
   MessageInput(const ros::NodeHandle& node, const std::string& name, const std::string& what,
                std::uint32_t queue_size, bool is_watched, Callback callback)
       : Input(node.resolveName(name), what),
         node_(node),
         queue_size_(queue_size),
         callback_(std::move(callback)) {
-    if (!is_watched) return;
+    may_be_silent_ = !is_watched;
     watch_ = std::make_unique<InputWatch>(topic_, ros::message_traits::datatype<Message>(), what);
   }
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }

@@ -117,7 +117,10 @@ void MatcherNodelet::advertise() {
       });
   reference_ = settings.subscribe<sensor_msgs::Image>(
       "reference", 1, [this](const sensor_msgs::ImageConstPtr& image) {
-        use("the reference on " + reference_.getTopic(), [&] { settings_.setReference(image); });
+        use("the reference on " + reference_.getTopic(), [&] {
+          settings_.setReference(image);
+          diagnosis_.setFault("lost reference", "");
+        });
         if (!is_fixed_) {
           NODELET_WARN("a reference arrived on %s; it is used when reference_mode is fixed",
                        reference_.getTopic().c_str());
@@ -180,6 +183,7 @@ void MatcherNodelet::configure(KtgpConfig& config) {
   is_fixed_ = settings_.configuration().sequence.reference.mode == ReferenceMode::fixed;
   camera_info_->enable(config.rectify || settings_.configuration().sequence.matcher.geometry !=
                                              GeometryModel::homography);
+  if (!is_fixed_) diagnosis_.setFault("lost reference", "");
   sendConfiguration();
   // The parameters lazy and rectify may have changed, and with them the inputs that are needed.
   connectionsChanged();
@@ -231,6 +235,8 @@ void MatcherNodelet::cameraArrived(const sensor_msgs::CameraInfoConstPtr& info) 
 
 // Reads the reference file again if it has changed. Called once a second, and by ~reset.
 void MatcherNodelet::rereadReference(bool at_once) {
+  // A reference from ~set_reference stays until ~reset, as one from ~reference does.
+  if (facts_.holds_set_reference && !at_once) return;
   try {
     if (!settings_.rereadReference(at_once)) return;
     sendConfiguration();

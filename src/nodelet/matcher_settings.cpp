@@ -1,5 +1,8 @@
 #include "nodelet/matcher_settings.h"
 
+#include <ros/serialization.h>
+
+#include <algorithm>
 #include <stdexcept>
 #include <system_error>
 
@@ -106,9 +109,16 @@ bool MatcherSettings::setCamera(const sensor_msgs::CameraInfoConstPtr& info, std
   if (configuration_.sequence.matcher.geometry == GeometryModel::homography) return false;
   const auto content = [](sensor_msgs::CameraInfo i) {
     i.header = std_msgs::Header();
-    return i;
+    return ros::serialization::serializeMessage(i);
   };
-  if (camera_ && content(*camera_) == content(*info) && configuration_.view.camera) return false;
+  // Bytes are compared, because NaN differs from itself.
+  const auto are_same = [](const ros::SerializedMessage& a, const ros::SerializedMessage& b) {
+    return a.num_bytes == b.num_bytes &&
+           std::equal(a.buf.get(), a.buf.get() + a.num_bytes, b.buf.get());
+  };
+  if (camera_ && configuration_.view.camera && are_same(content(*camera_), content(*info))) {
+    return false;
+  }
   try {
     twoViewCamera(*info, configuration_.view.pixels, imageSize(*info));
   } catch (const std::exception& error) {

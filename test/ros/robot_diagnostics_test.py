@@ -15,12 +15,13 @@ class DiagnosticsTest(MatcherCase):
     def setUp(self):
         self.configure(max_latency=60.0)  # s
         self.encoding, self.picture, self.views = 'mono8', lambda pixels: pixels, itertools.cycle(views(60))
+        self.ahead = rospy.Duration(0.0)
         self.traffic = Repeated(0.05, self.send_next)
         self.addCleanup(self.traffic.stop)
 
     def send_next(self):
         pixels = self.picture(next(self.views))
-        self.camera.send(image_message(pixels, rospy.Time.now(), self.encoding))
+        self.camera.send(image_message(pixels, rospy.Time.now() + self.ahead, self.encoding))
 
     def wait_for(self, task, level, words):
         """Waits for a report from now on; its values by key."""
@@ -44,6 +45,13 @@ class DiagnosticsTest(MatcherCase):
         self.configure(max_latency=60.0)
         values = self.wait_for('latency', OK, 'on time')
         self.assertGreater(float(values['maximum (ms)']), 0.5)
+
+    def test_a_camera_whose_clock_is_ahead(self):
+        self.ahead = rospy.Duration(10.0)
+        values = self.wait_for('latency', WARN, "image stamps are ahead of this computer's clock")
+        self.assertLess(float(values['mean (ms)']), -100.0)
+        self.ahead = rospy.Duration(-600.0)
+        self.wait_for('latency', WARN, 'image stamps are of another clock')
 
     def test_drops(self):
         self.configure(features=20000)
@@ -106,6 +114,20 @@ class DiagnosticsTest(MatcherCase):
         finally:
             other.terminate()
             other.wait()
+        self.wait_for('input', OK, 'images arrive')
+
+    def test_two_publishers_of_the_calibration_are_named(self):
+        self.configure(geometry='auto')
+        self.addCleanup(self.configure, geometry='homography')
+        commands = [['rostopic', 'pub', '-r', '10', '/camera/camera_info', 'sensor_msgs/CameraInfo', '{}']] * 2
+        others = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands]
+        try:
+            self.wait_for('input', WARN, '2 nodes publish /camera/camera_info (/rostopic_')
+            self.wait_for('input', WARN, 'their camera_info messages are mixed')
+        finally:
+            for other in others:
+                other.terminate()
+                other.wait()
         self.wait_for('input', OK, 'images arrive')
 
     def test_silence(self):

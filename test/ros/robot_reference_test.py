@@ -10,8 +10,8 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (Diagnostics, MatcherCase, check_each, image_message, mapped, texture, translation, view,
-                          wait_until)
+from ktgp_testing import (Diagnostics, MatcherCase, check_each, image_message, mapped, of_matcher, texture, translation,
+                          view, wait_until)
 from sensor_msgs.msg import Image
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '',
@@ -200,6 +200,36 @@ class ReferenceTest(MatcherCase):
             self.call('reset')
             wait_until(lambda: self.send(200).status != OK, '~reset reads it again')
             self.client.update_configuration(DEFAULTS)
+
+    def test_a_file_that_changes_does_not_replace_the_reference_of_a_request(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, 'changing.png')
+            cv2.imwrite(path, view(210, 100))
+            self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': path})
+            self.call('set_reference')
+            fixed = self.send(200)
+            self.assertEqual(fixed.reference_stamp, fixed.header.stamp)
+            cv2.imwrite(path, texture(HEIGHT, WIDTH, seed=9))
+            seen = len(self.diagnostics.messages())  # one a second, as the file is looked at
+            wait_until(lambda: len(self.diagnostics.of(': input', seen)) > 4, 'the file was looked at')
+            again = self.send(220)
+            self.assertEqual((again.status, again.reference_stamp), (OK, fixed.header.stamp))
+            self.call('reset')
+            wait_until(lambda: self.send(200).status != OK, 'then the file counts')
+            self.client.update_configuration(DEFAULTS)
+
+    def test_the_request_for_a_reference_outlives_the_subscribers(self):
+        self.client.update_configuration({'reference_mode': 'fixed'})
+        self.send(180)
+        self.call('set_reference')
+        for name in self.topics:
+            getattr(self, name).close()
+        self.camera.wait_for_no_subscriber()
+        for name in self.topics:
+            setattr(type(self), name, of_matcher(name))
+        self.camera.wait_for_subscriber()
+        fixed = self.send(200)
+        self.assertEqual(fixed.reference_stamp, fixed.header.stamp)
 
     def test_pause_and_resume(self):
         before = self.pan(2)[-1]
