@@ -4,8 +4,8 @@
                      [OPTIONS]
 
 The recording has images, camera_info, the readings of height and tilt, and tf from FRAME ground to FRAME base
-(for example from motion capture) at 50 Hz or more. OPTIONS are passed to ktgp_bag; without --reference_mode it is
-called with the options that doc/motion.md recommends.
+(for example from motion capture) at 50 Hz or more. OPTIONS are passed to ktgp_bag. Without --reference_mode,
+--params and --preset it is called with the options that doc/motion.md recommends, as far as they are not given.
 """
 import argparse
 import csv
@@ -170,6 +170,20 @@ def measure(table, truth, above, windows):
             f'| {" / ".join("–" if d is None else f"{100 * d:.2f} %" for d in drifts)} |')
 
 
+def with_defaults(options):
+    """The options of ktgp_bag with those that doc/motion.md recommends. What the user gave counts: a default may not
+    come after it, because the last one of two equal options wins, and an option overrides --params and --preset."""
+    given = {option.split('=')[0] for option in options}
+    added = []
+    if not given & {'--reference_mode', '--params', '--preset'}:
+        added += ['--reference_mode', 'previous']
+        for name, value in (('--guided', 'true'), ('--gms_grid', '0')):
+            added += [] if name in given else [name, value]
+    if '--motion_normal_source' not in given:
+        added += ['--motion_normal_source', 'imu']
+    return options + added
+
+
 def main():
     parser = argparse.ArgumentParser(prog='scripts/evaluate', description=__doc__.split('\n')[0],
                                      epilog='Other options go to ktgp_bag, such as --motion_gyro true.')
@@ -183,10 +197,7 @@ def main():
     parser.add_argument('--drift', type=float, nargs='+', default=[10.0, 30.0], metavar='S',
                         help='times after which the error of the position counts, as a share of the way')
     arguments, options = parser.parse_known_args()
-    if not any(option.startswith('--reference_mode') for option in options):
-        options += ['--reference_mode', 'previous', '--guided', 'true', '--gms_grid', '0']
-    if not any(option.startswith('--motion_normal_source') for option in options):
-        options += ['--motion_normal_source', 'imu']
+    options = with_defaults(options)
     truth = Truth(arguments.motion, arguments.ground, arguments.base)
     with tempfile.TemporaryDirectory() as folder:
         table = os.path.join(folder, 'motion.csv')

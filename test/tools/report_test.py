@@ -218,6 +218,7 @@ class MotionOfBrokenData(FolderCase):
         tool = self.folder / "ktgp_bag"
         tool.write_text("""#!/bin/sh
 [ "$CODE" -lt 2 ] || exit "$CODE"
+echo "$@" > options
 while [ "$1" != --motion ]; do shift; done
 echo stamp,x,vx > "$2"
 for i in 5 6 7 8; do echo "2.$i,,"; done >> "$2"
@@ -225,9 +226,9 @@ exit "$CODE"
 """)
         tool.chmod(0o755)
 
-    def evaluate(self, bag, of_tool=0, **expected):
+    def evaluate(self, bag, of_tool=0, options=(), **expected):
         run = self.run_program(sys.executable, "-B", ROOT / "scripts/report/motion.py", "--tools", self.folder,
-                               "--motion", bag, env=dict(os.environ, CODE=str(of_tool)), **expected)
+                               "--motion", bag, *options, env=dict(os.environ, CODE=str(of_tool)), **expected)
         self.assertNotIn("Traceback", run.stderr)
         return run
 
@@ -252,6 +253,21 @@ exit "$CODE"
         self.assertEqual(whole.stderr, "")
         part = self.evaluate(self.bag, 1, code=1, words="could not use all of the data")
         self.assertEqual(part.stdout, whole.stdout)
+
+    def test_no_default_overrides_an_option_of_the_user(self):
+        names = "--reference_mode", "--guided", "--gms_grid", "--motion_normal_source"
+        for given, added in (((), "--reference_mode previous --guided true --gms_grid 0 --motion_normal_source imu"),
+                             (("--guided", "false"), "--reference_mode previous --gms_grid 0 --motion_normal_source imu"),
+                             (("--gms_grid=20",), "--reference_mode previous --guided true --motion_normal_source imu"),
+                             (("--reference_mode", "keyframe"), "--motion_normal_source imu"),
+                             (("--params", "my.yaml"), "--motion_normal_source imu"),
+                             (("--preset=robust", "--motion_normal_source", "fixed"), "")):
+            self.evaluate(self.bag, options=given)
+            passed = (self.folder / "options").read_text().split()
+            passed = passed[passed.index("base_link") + 1:]
+            self.assertEqual(passed, [*given, *added.split()])
+            words = [option.split("=")[0] for option in passed]
+            self.assertTrue(all(words.count(name) <= 1 for name in names), words)
 
     def test_without_a_table_the_exit_code_is_said(self):
         self.refused(self.bag, "ktgp_bag ended with exit code 3", of_tool=3)
