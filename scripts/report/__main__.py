@@ -253,8 +253,20 @@ def parse_arguments():
     return parser.parse_args()
 
 
+def make_output(folder):
+    """Makes the folder before anything is measured, and ends with exit code 2 if nothing can be written there."""
+    try:
+        pathlib.Path(folder, "figures").mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        print(f"evaluate: --output {folder} cannot be written: {error.strerror}", file=sys.stderr)
+        sys.exit(2)
+
+
 def main():
     arguments = parse_arguments()
+    make_output(arguments.output)
     tools = Tools(arguments.tools)
     document = Document("KTGP-ORB: how good is it?")
     problems = []

@@ -199,6 +199,14 @@ class ReportOfBrokenData(FolderCase):
         self.assertIn("nowhere", page)
         self.assertIn("fetch_oxford", page)
 
+    def test_an_output_that_cannot_be_written_is_named_before_anything_is_measured(self):
+        (self.folder / "file").write_text("no folder")
+        for output in ("file", "file/report"):
+            run = self.run_program(sys.executable, "-B", ROOT / "scripts/report", "--tools", "no/programs", "--data",
+                                   "nowhere", "--output", output, code=2,
+                                   words=f"evaluate: --output {output} cannot be written: Not a directory")
+            self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
+
 
 @unittest.skipUnless(ROS, "python3-rosbag is not installed: scripts/evaluate --motion needs ROS")
 class MotionOfBrokenData(FolderCase):
