@@ -190,6 +190,26 @@ class LaunchRunTest(FolderCase):
                                'delay:=100', cwd=self.path())
         self.check_that_a_second_is_refused(first, OwnMaster)
 
+    def test_the_port_of_a_launch_is_seen_however_it_is_written(self):
+        script = os.path.join(PACKAGE, 'scripts/keep_sim_time')
+        keep = importlib.machinery.SourceFileLoader('keep_sim_time', script).load_module()
+        for words, port in ((['-p', '11399'], '11399'), (['-p11399'], '11399'), (['--port', '11399'], '11399'),
+                            (['--port=11399'], '11399'), (['-pick', 'a-p1'], None)):
+            launch = subprocess.Popen([sys.executable, '-c', 'input(1)', *words, 'bag.launch'], stdin=subprocess.PIPE,
+                                      stdout=subprocess.PIPE)
+            try:
+                self.assertEqual(launch.stdout.read(1), b'1')  # it runs, so /proc has its words
+                expected = 'http://localhost:' + port if port else rosgraph.get_master_uri()
+                self.assertEqual(keep.master_of(launch.pid), expected, words)
+            finally:
+                launch.communicate(b'\n')
+
+    def test_camera_motion_refuses_a_number_of_frames_that_is_none(self):
+        for value in ('abc', '-1', '2.5', 'True'):
+            self.run_program('/usr/bin/python3', os.path.join(PACKAGE, 'scripts/camera_motion'), '_frames:=' + value,
+                             env=self.master.environment, code=2,
+                             words='_frames is %s; expected a whole number of at least 0' % value)
+
     def sim_time_is_set(self):
         handle = self.master.handle
         return handle.hasParam('/use_sim_time') and handle.getParam('/use_sim_time')
