@@ -16,6 +16,10 @@ if [ -z "$row" ]; then
   echo 'one_recording.sh: the name of the recording is empty; expected one: is there an empty row in the list?' >&2
   exit 2
 fi
+if [ -z "$2" ]; then
+  echo 'one_recording.sh: the name of the folder for the results is empty; expected one' >&2
+  exit 2
+fi
 recording=$(realpath -ms -- "$row") name=$(realpath -ms --relative-base="$PWD" -- "$row")
 folder=$2/$name
 shift 2

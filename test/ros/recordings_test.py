@@ -449,7 +449,8 @@ class ManyRecordingsTest(RecordingCase):
     def test_the_script_says_what_it_needs(self):
         for arguments, words in (([], 'expected RECORDING FOLDER'), (['in.bag'], 'expected RECORDING FOLDER'),
                                  (['', 'results'], 'is there an empty row in the list?'),
-                                 (['\r', 'results'], 'is there an empty row in the list?')):
+                                 (['\r', 'results'], 'is there an empty row in the list?'),
+                                 (['in.bag', ''], 'the folder for the results is empty')):
             run = self.one(*arguments, code=2, words=words)
             self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
         self.assertEqual(os.listdir(self.folder), [])
