@@ -33,14 +33,19 @@ class SlidersTest(unittest.TestCase):
             process.terminate()
             process.wait()
 
-    def open(self, config, namespace):
-        """The window, and the values that the server has."""
+    def open(self, config, namespace, refuse=lambda new: None):
+        """The window, and the values that the server has. refuse: changes what it does not take."""
         values = {}
-        server = Server(config, lambda new, _: values.update(new) or new, namespace)
+        server = Server(config, lambda new, _: refuse(new) or values.update(new) or new, namespace)
         window = self.sliders.Window('/sliders_test/' + namespace)
         self.addCleanup(window.quit)
         self.until(window, lambda: window.rows, 'the window shows the parameters')
         return window, values, server
+
+    @staticmethod
+    def type(window, name, text):
+        window.rows[name].variable.set(text)
+        window.rows[name].changed()
 
     def until(self, window, condition, what):
         def holds():
@@ -89,6 +94,51 @@ class SlidersTest(unittest.TestCase):
         self.assertEqual(window.status.get(), 'T_w: 7 is outside 0 to 1; it is set to 1')
         self.until(window, lambda: values['T_w'] == 1.0, 'the server has the limit')
         self.assertEqual(window.status.get(), 'T_w: 7 is outside 0 to 1; it is set to 1', 'the message stays')
+
+    def test_what_the_node_refuses_is_said(self):
+        window, values, _ = self.open(KtgpConfig, 'refusal', lambda new: new.update(roi=''))
+        self.type(window, 'roi', 'abc')
+        self.until(window, window.status.get, 'there is a message')
+        self.assertEqual(window.status.get(), "refused: see the node's log: roi abc")
+        self.until(window, lambda: window.rows['roi'].variable.get() == '', 'the value of the node is shown')
+        self.type(window, 'T_w', '0.6')
+        self.until(window, lambda: values['T_w'] == 0.6, 'the server has another value')
+        self.assertEqual(window.status.get(), '')
+
+    def test_numbers_that_are_not_finite_are_refused(self):
+        window, values, _ = self.open(KtgpConfig, 'finite')
+        before = window.rows['T_G'].variable.get()
+        for text in ('nan', 'inf', '-inf'):
+            self.type(window, 'T_G', text)
+            self.assertEqual(window.status.get(), 'T_G: "%s" is not a number; the value stays %s' %
+                             (text, window.rows['T_G'].shown))
+            self.assertEqual(window.rows['T_G'].variable.get(), before)
+
+    def test_leaving_a_field_does_not_round_its_value(self):
+        window, values, server = self.open(KtgpConfig, 'digits')
+        server.update_configuration({'T_w': 0.123456789})
+        self.until(window, lambda: window.rows['T_w'].variable.get() == '0.123457', 'the value is shown')
+        window.rows['T_w'].changed()  # as the event <FocusOut>
+        self.assertEqual(window.rows['T_w'].shown, 0.123456789)
+        self.assertTrue(window.wanted.empty() and window.wanted.unfinished_tasks == 0)
+        self.assertEqual(values['T_w'], 0.123456789)
+
+    def test_a_file_that_cannot_be_written_is_named(self):
+        window, _, _ = self.open(KtgpConfig, 'file')
+        self.sliders.filedialog.asksaveasfilename = lambda **_: '/no/such/tuned.yaml'
+        window.save()
+        self.assertEqual(window.status.get(), '/no/such/tuned.yaml cannot be written: No such file or directory')
+
+    def test_reset_before_the_node_answers_does_nothing(self):
+        window = self.sliders.Window('/sliders_test/not_there')
+        self.addCleanup(window.quit)
+        errors = []
+        window.report_callback_exception = lambda *error: errors.append(error)
+        bar, = [each for each in window.winfo_children() if isinstance(each, self.sliders.ttk.Frame)]
+        bar.winfo_children()[0].invoke()
+        window.update()
+        self.assertEqual(errors, [])
+        self.assertTrue(window.wanted.empty())
 
     def test_the_left_quarter_of_t_w_is_its_default(self):
         window, values, _ = self.open(KtgpConfig, 'drag')
