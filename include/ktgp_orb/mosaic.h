@@ -131,7 +131,8 @@ class Mosaic {
   /// The map as CV_8UC3, shrunk so that no side is longer than `longest` px. Parts that no frame
   /// has shown are dark, and an outline shows the last placed frame.
   cv::Mat picture(int longest) const;
-  /// The part of the map that image() shows, px.
+  /// The part of the map that image() shows, px: pixel (0, 0) of the image is at (x, y) of the map.
+  /// Call image() first, because it draws the newest frame, which may enlarge the part.
   cv::Rect area() const;
 
   double megapixels() const;  ///< covered area, 10^6 px, counted in whole tiles

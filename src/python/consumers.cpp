@@ -253,6 +253,14 @@ py::array mapOf(SharedMosaic& shared) {
   return py::array_t<std::uint8_t>({map.rows, map.cols, 4}, map.data);
 }
 
+std::tuple<int, int, int, int> areaOf(SharedMosaic& shared) {
+  const cv::Rect area = shared.use([](Mosaic& mosaic) {
+    mosaic.image();  // draws the newest frame, which may enlarge the area
+    return mosaic.area();
+  });
+  return {area.x, area.y, area.width, area.height};
+}
+
 void defineMosaic(py::module& module) {
   const MosaicOptions usual;
   py::class_<SharedMosaic>(
@@ -274,8 +282,16 @@ void defineMosaic(py::module& module) {
       .def_property_readonly(
           "image", mapOf,
           "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where nothing was seen.")
-      .def_property_readonly("pose", getting(&Mosaic::pose),
-                             "(3, 3) float64: map to the last image, px; None where it is lost.")
+      .def_property_readonly(
+          "area", areaOf,
+          "(x, y, width, height), px: pixel (0, 0) of `image` is the place (x, y) of the map, "
+          "whose origin is that of its first frame.")
+      .def_property_readonly(
+          "pose", getting(&Mosaic::pose),
+          "(3, 3) float64: maps a place of the map to the last image, px; None where it is lost. A "
+          "pixel of `image` is at another place of the map, see `area`.\nIn a panorama, which is "
+          "drawn if the camera only turns, `image` is a cylinder, and `pose` maps pixels of its "
+          "first frame.")
       .def_property_readonly(
           "plane_deviation", getting(&Mosaic::planeDeviation),
           "How far points are off the map, px; where it is large, the scene is no plane.");

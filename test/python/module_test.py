@@ -638,6 +638,23 @@ class ModuleTest(unittest.TestCase):
         with self.assertRaises(ValueError):
             ktgp.Mosaic(max_megapixels=0)
 
+    def test_the_area_of_a_mosaic_tells_where_its_image_is_in_the_map(self):
+        """A camera that moves left and up, so that the image begins left of and above the first frame."""
+        sequence, mosaic = ktgp.Sequence('video'), ktgp.Mosaic()
+        self.assertEqual(mosaic.area, (0, 0, 0, 0))
+        images = self.frames(20)[::-1]
+        for i, image in enumerate(images):
+            mosaic.add(image, sequence.match(image, i / 30))
+        x, y, width, height = mosaic.area  # read first: it has the newest frame, too
+        seen = mosaic.image
+        self.assertEqual((height, width), seen.shape[:2])
+        self.assertAlmostEqual(x, -19 * 12, delta=2)
+        self.assertAlmostEqual(y, -19 * 5, delta=2)
+        to_image = mosaic.pose @ np.array([[1, 0, x], [0, 1, y], [0, 0, 1]])
+        last = cv2.warpPerspective(seen[..., 0], to_image, (640, 480))
+        off = np.abs(last[20:-20, 20:-20].astype(int) - images[-1][20:-20, 20:-20])
+        self.assertLess(off.mean(), 4)
+
     def test_motion_in_metres(self):
         sequence = ktgp.Sequence('video', reference_mode='keyframe')
         motion = ktgp.GroundMotion()
