@@ -26,6 +26,13 @@ void requireUsable(const char* name, const std::optional<Reading>& reading) {
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
 }
 
+/// Returns true if the matrix is a rotation, not a mirror.
+bool isRotation(const Eigen::Matrix3d& matrix) {
+  constexpr double kRounding = 1e-6;
+  return (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).norm() < kRounding &&
+         matrix.determinant() > 0.0;
+}
+
 /// Returns true if the homography maps at least one point of a grid over the reference into the
 /// image. A homography that was computed from matches always does.
 bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
@@ -68,9 +75,8 @@ void requireValid(const GroundMotionOptions& options) {
                                 std::to_string(options.max_tilt_deviation) +
                                 "; expected an angle above 0 rad");
   }
-  const Eigen::Matrix3d turn = options.camera_to_base.linear();
-  const bool turns = (turn.transpose() * turn - Eigen::Matrix3d::Identity()).norm() < 1e-6;
-  if (!turns || !options.camera_to_base.translation().allFinite()) {
+  if (!isRotation(options.camera_to_base.linear()) ||
+      !options.camera_to_base.translation().allFinite()) {
     throw std::invalid_argument("camera_to_base is not a rotation and a finite translation");
   }
 }
@@ -138,9 +144,7 @@ std::string whyUnusable(const DownReading& reading) {
 }
 
 std::string whyUnusable(const TurnReading& reading) {
-  const double error =
-      (reading.rotation.transpose() * reading.rotation - Eigen::Matrix3d::Identity()).norm();
-  if (!(error < 1e-6)) return "is not a rotation matrix";
+  if (!motion::isRotation(reading.rotation)) return "is not a rotation matrix";
   return whyUnusable(reading.deviation, "rad", reading.age);
 }
 

@@ -428,6 +428,17 @@ void defineGroundEstimate(py::module& module) {
                     "it.");
 }
 
+Pose3 mountingFrom(const py::object& camera_to_base) {
+  constexpr double kRounding = 1e-6;
+  const auto matrix = numbersFrom<Eigen::Matrix4d>(camera_to_base, "camera_to_base");
+  if (!((matrix.row(3) - Eigen::RowVector4d::UnitW()).norm() < kRounding)) {
+    throw py::value_error(
+        "camera_to_base is not a rotation and a finite translation: its last row is not 0, 0, 0, "
+        "1; is it transposed?");
+  }
+  return Pose3(matrix);
+}
+
 void defineGroundMotion(py::module& module) {
   defineImuMounting(module);
   defineGroundEstimate(module);
@@ -438,8 +449,7 @@ void defineGroundMotion(py::module& module) {
       .def(py::init([](const py::object& camera_to_base, double ground_slope, double readout_time,
                        double scale_deviation) {
              GroundMotionOptions options;
-             options.camera_to_base.matrix() =
-                 numbersFrom<Eigen::Matrix4d>(camera_to_base, "camera_to_base");
+             options.camera_to_base = mountingFrom(camera_to_base);
              options.ground_slope = ground_slope;
              options.readout_time = readout_time;
              options.scale_deviation = scale_deviation;

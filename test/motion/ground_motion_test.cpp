@@ -1724,6 +1724,10 @@ TEST(GroundMotion, RefusesUnusableReadings) {
        [](GroundFrame& f) {
          f.turn = TurnReading{Eigen::Matrix3d::Zero(), 0.1};
        }},
+      {"the rotation is not a rotation matrix",
+       [](GroundFrame& f) {
+         f.turn = TurnReading{Eigen::Vector3d(1.0, 1.0, -1.0).asDiagonal(), 0.1};
+       }},
       {"the camera matrix is not upper triangular", [](GroundFrame& f) { f.camera.setZero(); }},
       {"fx of the camera matrix is 1; expected",
        [](GroundFrame& f) {
@@ -1735,6 +1739,13 @@ TEST(GroundMotion, RefusesUnusableReadings) {
     EXPECT_EQ(refusalOf(change).find(words), 0U) << words << " | " << refusalOf(change);
   }
   EXPECT_EQ(refusalOf([](GroundFrame&) {}), "");
+}
+
+TEST(GroundMotion, RefusesAMountingThatMirrors) {
+  GroundMotionOptions options = optionsWith(mounted());
+  EXPECT_NO_THROW(GroundMotion{options});
+  options.camera_to_base.linear().col(0) *= -1.0;
+  test::expectRefused([&] { GroundMotion{options}; }, "camera_to_base is not a rotation");
 }
 
 TEST(GroundMotion, RefusesHomographiesThatNoPairOfImagesHas) {

@@ -323,6 +323,24 @@ class ModuleTest(unittest.TestCase):
                 with self.assertRaisesRegex(ValueError, '^' + re.escape(f'{name} {words}')):
                     use(bad)
 
+    def test_a_place_or_a_turn_that_is_none_is_refused(self):
+        K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
+        frame = ktgp.Sequence().match(self.reference, 1.0)
+        mirror = np.diag([1.0, 1, -1, 1])
+        place = np.eye(4)
+        place[:3, 3] = 0.1, 0.0, -0.05
+        ktgp.GroundMotion(place)
+        words = '^camera_to_base is not a rotation and a finite translation'
+        with self.assertRaisesRegex(ValueError, words + '$'):
+            ktgp.GroundMotion(mirror)
+        projective = np.eye(4)
+        projective[3, 3] = 2.0
+        for bad in (place.T, projective, np.vstack([place[:3], 4 * [np.nan]])):
+            with self.assertRaisesRegex(ValueError, words + ': its last row is not 0, 0, 0, 1; is it transposed\\?$'):
+                ktgp.GroundMotion(bad)
+        with self.assertRaisesRegex(ValueError, 'the rotation is not a rotation matrix'):
+            ktgp.GroundMotion().add(frame, K, height=(2.0, 0.01), turn=(mirror[:3, :3], 1e-4))
+
     def test_pixels_hidden_by_alpha_have_no_keypoints(self):
         shown = np.full(self.reference.shape, 255, np.uint8)
         shown[:, 320:] = 0
