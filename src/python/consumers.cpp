@@ -318,7 +318,7 @@ void defineStabilizer(py::module& module) {
   py::class_<SteadyFrame>(module, "SteadyFrame", "A frame and its place in the steady picture.")
       .def_property_readonly(
           "seconds", [](const SteadyFrame& f) { return secondsOf(f.stamp); },
-          "Of the frame, as given to Sequence.match.")
+          "FrameMatch.seconds of the frame.")
       .def_readonly("warp", &SteadyFrame::warp,
                     "(3, 3) float64: frame to steady picture of the same size, px, as for "
                     "cv2.warpPerspective.")

@@ -87,8 +87,9 @@ struct FrameMatch : Match {
   std::vector<std::uint64_t> tracks;  ///< for each match: track number of its target keypoint
 };
 
+/// The number of seconds nearest to the stamp; a product with 1e-9 would be off in its last digit.
 inline double secondsOf(std::int64_t stamp) {
-  return 1e-9 * static_cast<double>(stamp);
+  return static_cast<double>(stamp) / 1e9;
 }
 
 /// stateOf() converts a match to its state for pickle, and restore() converts it back.

@@ -102,10 +102,10 @@ void defineFrameMatch(py::module& module) {
                     "px; or None.")
       .def_property_readonly(
           "seconds", [](const FrameMatch& m) { return secondsOf(m.stamp); },
-          "As given to Sequence.match.")
+          "As given to Sequence.match, rounded to nanoseconds.")
       .def_property_readonly(
           "reference_seconds", [](const FrameMatch& m) { return secondsOf(m.reference_stamp); },
-          "Of the reference; 0 without one, and negative for a reference of "
+          "`seconds` of the reference; 0 without one, and negative for a reference of "
           "Sequence.set_reference.")
       .def_property_readonly(
           "tracks",

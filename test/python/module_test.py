@@ -673,6 +673,14 @@ class ModuleTest(unittest.TestCase):
         off = np.abs(last[20:-20, 20:-20].astype(int) - images[-1][20:-20, 20:-20])
         self.assertLess(off.mean(), 4)
 
+    def test_seconds_are_rounded_to_nanoseconds(self):
+        sequence, stabilizer = ktgp.Sequence(), ktgp.Stabilizer(lag=0)
+        image = picture(2, (60, 80))
+        for i in range(1, 40):
+            frame = sequence.match(np.roll(image, i, axis=1), i / 30)
+            self.assertEqual(frame.seconds, round(i / 30, 9))
+            self.assertEqual([steady.seconds for steady in stabilizer.add(frame)], [frame.seconds])
+
     def test_motion_in_metres(self):
         sequence = ktgp.Sequence('video', reference_mode='keyframe')
         motion = ktgp.GroundMotion()
