@@ -301,6 +301,7 @@ using SharedStabilizer = Shared<Stabilizer>;
 
 std::vector<SteadyFrame> addToPath(SharedStabilizer& shared, const FrameMatch& frame) {
   std::vector<SteadyFrame> ready;
+  if (frame.repeated) return ready;
   shared.use([&](Stabilizer& stabilizer) {
     stabilizer.add(frame.stamp, frame.reference_stamp, homographyOf(frame), frame.image_size,
                    ready);
@@ -335,7 +336,8 @@ void defineStabilizer(py::module& module) {
            "strength: s, faster motion is removed; lag: later frames to wait for; max_crop: share "
            "that may be\ncut off at each border. Raises ValueError.")
       .def("add", addToPath, py::arg("frame"),
-           "The next FrameMatch of a Sequence. Returns the SteadyFrames that are known now.")
+           "The next FrameMatch of a Sequence. Returns the SteadyFrames that are known now.\n"
+           "A repeated image is no new frame and is left out.")
       .def("flush", flushPath, "The SteadyFrames that still wait.");
 }
 

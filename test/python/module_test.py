@@ -681,6 +681,23 @@ class ModuleTest(unittest.TestCase):
             self.assertEqual(frame.seconds, round(i / 30, 9))
             self.assertEqual([steady.seconds for steady in stabilizer.add(frame)], [frame.seconds])
 
+    def test_a_repeated_image_is_no_frame_of_the_stabilizer(self):
+        """Of a driver that gives every image twice."""
+        sequence, stabilizer = ktgp.Sequence('video'), ktgp.Stabilizer(lag=2)
+        steady, seconds, repeated = [], [], 0
+        for i, image in enumerate(each for each in self.frames(8) for _ in range(2)):
+            frame = sequence.match(image, i / 60)
+            repeated += frame.repeated
+            if frame.repeated:
+                self.assertEqual(stabilizer.add(frame), [])
+            else:
+                seconds.append(frame.seconds)
+                steady += stabilizer.add(frame)
+        steady += stabilizer.flush()
+        self.assertEqual(repeated, 8)
+        self.assertEqual([each.seconds for each in steady], seconds)
+        self.assertEqual([each.starts_anew for each in steady], [True] + 7 * [False])
+
     def test_motion_in_metres(self):
         sequence = ktgp.Sequence('video', reference_mode='keyframe')
         motion = ktgp.GroundMotion()
