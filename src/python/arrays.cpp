@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "python/shared.h"
 #include "util/format.h"
 #include "util/grey_levels.h"
 #include "util/opacity.h"
@@ -161,6 +162,8 @@ ImageArray imageArray(const py::object& image, const std::string& name) {
   ImageArray out = anyImage(image, name);
   cv::Mat& pixels = out.pixels;
   if (pixels.channels() == 1) return greyImage(image, name);
+  if (pixels.type() == CV_8UC3) return out;
+  const WithoutGil others_may_run;
   if (pixels.channels() == 4) convertColour(cv::COLOR_BGRA2BGR, cv::COLOR_BGRA2BGR, pixels);
   if (pixels.depth() == CV_16U) {
     const cv::Mat wide = std::exchange(pixels, cv::Mat());
@@ -172,6 +175,8 @@ ImageArray imageArray(const py::object& image, const std::string& name) {
 ImageArray greyImage(const py::object& image, const std::string& name) {
   ImageArray out = anyImage(image, name);
   cv::Mat& pixels = out.pixels;
+  if (pixels.type() == CV_8UC1) return out;
+  const WithoutGil others_may_run;
   if (pixels.channels() > 1) convertColour(cv::COLOR_BGRA2GRAY, cv::COLOR_BGR2GRAY, pixels);
   if (pixels.depth() == CV_16U) pixels = util::stretchTo8Bit(pixels);
   return out;
