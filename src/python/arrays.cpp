@@ -219,6 +219,20 @@ template Eigen::Vector3d numbersFrom(const py::object& numbers, const std::strin
 template Eigen::Matrix3d numbersFrom(const py::object& numbers, const std::string& name);
 template Eigen::Matrix4d numbersFrom(const py::object& numbers, const std::string& name);
 
+std::vector<double> listFrom(const py::object& numbers, const std::string& name) {
+  refuseMasked(numbers, name, "all of its numbers");
+  using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+  const auto array = Array::ensure(numbers);
+  if (!array) {
+    PyErr_Clear();
+    throw py::value_error(name + " is no vector of numbers; expected an array of the shape (N,)");
+  }
+  if (array.ndim() != 1) {
+    throw py::value_error(name + " has the shape " + shapeOf(array) + "; expected (N,)");
+  }
+  return {array.data(), array.data() + array.size()};
+}
+
 std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name) {
   if (matrix.is_none()) return std::nullopt;
   return numbersFrom<Eigen::Matrix3d>(matrix, name);

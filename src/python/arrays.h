@@ -42,6 +42,9 @@ ImageArray maskImage(const py::object& mask);
 template <typename Numbers>
 Numbers numbersFrom(const py::object& numbers, const std::string& name);
 
+/// Returns a vector of any length, in the same way.
+std::vector<double> listFrom(const py::object& numbers, const std::string& name);
+
 /// Returns the camera matrix K like numbersFrom(), or nothing for None.
 std::optional<Eigen::Matrix3d> cameraMatrix(const py::object& matrix, const std::string& name);
 

@@ -183,7 +183,7 @@ using FoundPose = std::tuple<Eigen::Matrix4d, Eigen::Matrix<double, 6, 6>, doubl
 
 std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
                                  const py::object& matrix, std::pair<int, int> size,
-                                 std::vector<double> distortion, std::optional<double> given) {
+                                 const py::object& distortion, std::optional<double> given) {
   const Eigen::Matrix3d camera = requiredCamera(matrix);
   const cv::Size image(size.first, size.second);
   if (image.width < 1 || image.height < 1) {
@@ -199,7 +199,7 @@ std::vector<FoundPose> findPoses(SharedPose& shared, const PosedTarget& target,
   calibration.image_size = image;
   for (int i = 0; i < 9; ++i) calibration.camera(i / 3, i % 3) = camera(i / 3, i % 3);
   calibration.rectified_camera = calibration.camera;
-  calibration.distortion = std::move(distortion);
+  calibration.distortion = listFrom(distortion, "distortion");
   std::optional<Lens> lens;
   if (!calibration.distortion.empty()) lens.emplace(calibration);
   const auto stamp = static_cast<std::int64_t>(std::llround(1e9 * seconds));
@@ -224,7 +224,7 @@ void defineTargetPose(py::module& module) {
            "readout_time: s from the first row of an image to the last, -0.2 to 0.2; below 0: the "
            "last row is exposed first;\n0: a global shutter; -1: not known. Raises ValueError.")
       .def("find", findPoses, py::arg("target"), py::arg("camera"), py::arg("size"),
-           py::arg("distortion") = std::vector<double>(), py::arg("seconds") = py::none(),
+           py::arg("distortion") = py::tuple(), py::arg("seconds") = py::none(),
            "The poses of a DetectedTarget with a width: none, one or two, the likelier one first. "
            "camera: (3, 3), K in px;\nsize: width and height of the image; distortion: 4, 5, 8, 12 "
            "or 14 coefficients in OpenCV's order; seconds: time of the image; without "
@@ -352,6 +352,11 @@ GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame, const 
                           util::text(frame.reference_size) + " to an image of " +
                           util::text(frame.image_size) +
                           "; expected a reference by the same camera: for a map, use Targets");
+  }
+  if (of_imu && !down) {
+    throw py::value_error(
+        "of_imu is True, but down is missing; expected the direction to the ground that the Imu "
+        "has measured");
   }
   GroundFrame given;
   given.stamp = frame.stamp;

@@ -616,6 +616,12 @@ class ModuleTest(unittest.TestCase):
         self.assertGreater(error([]), 2 * error(distortion))
         with self.assertRaisesRegex(ValueError, 'coefficients'):
             ktgp.TargetPoses().find(found, camera, (640, 480), [0.1])
+        self.assertEqual(error(np.array(distortion)), error(tuple(distortion)))
+        for bad, words in ((np.array([distortion]), r'distortion has the shape \(1, 4\); expected \(N,\)'),
+                           (['k1'], 'distortion is no vector of numbers'),
+                           (np.ma.masked_equal(distortion, 0.08), 'distortion is a masked array with hidden values')):
+            with self.assertRaisesRegex(ValueError, '^' + words):
+                ktgp.TargetPoses().find(found, camera, (640, 480), bad)
         for words, k, size, seconds in (('fx of camera is 1', np.eye(3), (640, 480), 0.0),
                                         ('principal point at 320, 240, outside', camera, (300, 200), 0.0),
                                         ('size is 0, 0', camera, (0, 0), 0.0),
@@ -712,6 +718,9 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual(found.twist_covariance.shape, (6, 6))
         with self.assertRaises(ValueError):
             motion.add(sequence.match(image, 9.0), camera, height=(-1.0, 0.01))
+        with self.assertRaisesRegex(ValueError, 'of_imu is True, but down is missing; expected the direction to the '
+                                                'ground that the Imu has measured'):
+            motion.add(sequence.match(image, 9.5), camera, height=(2.0, 0.01), of_imu=True)
 
     def test_motion_needs_a_reference_by_the_same_camera(self):
         """Nobody knows the K of a drawn map; it has another size."""
