@@ -45,13 +45,17 @@ class DemoTest(FolderCase):
                                 stderr=subprocess.STDOUT, env=environment, **expected)
 
     def test_videos_have_every_frame_and_the_counts_add_up(self):
-        """At four times the speed a busy machine drops frames: the summary says so, and the videos have them."""
+        """At four times the speed a busy machine drops frames: the summary says so, and the videos have them.
+        A matched.bag of the user is left alone."""
+        os.mkdir(self.path('out'))
+        self.write('out/matched.bag', 'of the user')
         result = self.demo('--seconds', FRAMES // 30, '--rate', '4', self.path('out'))
         real = ['real.csv', 'real.mp4'] if os.path.exists(REAL_VIDEO) else []
         self.assertEqual(sorted(os.listdir(self.path('out'))),
-                         sorted(['demo.bag', 'demo_targets', 'ktgp_bag.log', 'matches.mp4', 'mosaic.csv',
+                         sorted(['demo.bag', 'demo_targets', 'ktgp_bag.log', 'matched.bag', 'matches.mp4', 'mosaic.csv',
                                  'mosaic.png', 'report.log', 'roslaunch.log', 'stabilized.mp4', 'stages.png',
                                  'summary.txt'] + real))
+        self.assertEqual(self.read('out/matched.bag'), 'of the user')
         for name in ('matches.mp4', 'stabilized.mp4'):
             self.assertEqual(frames_of(self.path('out', name)), FRAMES, name)
         summary = self.read('out/summary.txt')
