@@ -208,7 +208,10 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
   const bool wanted = growth.enabled && growth.views > 0 &&
                       options.reference.mode == ReferenceMode::fixed && !reference->lens &&
                       !reference->image.empty();
-  if (!wanted) return nullptr;
+  if (!wanted) {
+    views.forget();
+    return nullptr;
+  }
   return views.of(reference, orbFor(*reference, reference.get()), growth.views,
                   options.views_in_background);
 }

@@ -473,6 +473,10 @@ TEST(SequenceMatcher, OnlyOtherFeaturesOrViewsDiscardTheViews) {
   matcher.setOptions(options);
   matchPart(matcher, reference->image, 2);
   EXPECT_EQ(matcher.viewsState(), ViewsState::being_made);
+  options.matcher.growth.enabled = false;  // no views are needed any more
+  matcher.setOptions(options);
+  matchPart(matcher, reference->image, 3);
+  EXPECT_EQ(matcher.viewsState(), ViewsState::none);
 }
 
 TEST(SequenceMatcher, RestartKeepsTheRequestForAFixedReference) {
