@@ -39,8 +39,8 @@ enum class Doubt : std::uint8_t {
   /// The texture repeats, and wrong pairs, shifted by a period, fit as well. There is no geometry
   /// if hardly any precise pair agrees.
   repetitive = 4,
-  /// A camera that only turned or stood still explains all pairs outside one compact region, which
-  /// may be a moving object.
+  /// A part of the scene may move: a camera that only turned or stood still explains all pairs
+  /// outside one compact region, or the pairs off the dominant plane have another motion.
   moving_region = 5,
   /// The inliers map the image to its mirror image, which no camera can do.
   mirrored = 6,

@@ -158,6 +158,12 @@ double Hypotheses::difference(const Hypothesis& a, const Hypothesis& b) const {
   return std::copysign(least, sum);
 }
 
+double Hypotheses::leadOver(const RelativePose& motion) const {
+  Hypothesis other{pairs_->fromMotion(motion)};
+  setGains(other);
+  return difference(list_.front(), other);
+}
+
 /// Sets the probabilities. The first motion stays first unless another motion is more probable.
 void Hypotheses::judge() {
   constexpr double kMost = 300.0;  // exp(kMost) is finite

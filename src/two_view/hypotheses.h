@@ -51,6 +51,9 @@ class Hypotheses {
   /// motion of the old list, this motion stays as a rival. It gets at most the probability of the
   /// best of `motions`.
   void prefer(const std::vector<RelativePose>& motions);
+  /// How much better the best motion of the list explains the pairs than `motion`; see
+  /// difference().
+  double leadOver(const RelativePose& motion) const;
   void clear() { list_.clear(); }
   const std::vector<Hypothesis>& list() const { return list_; }
   /// Difference of the log-likelihoods of two motions, reduced as the comment of the class

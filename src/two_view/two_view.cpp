@@ -15,6 +15,7 @@
 #include "two_view/epipolar.h"
 #include "two_view/hypotheses.h"
 #include "two_view/motions.h"
+#include "two_view/off_plane.h"
 #include "two_view/shared_errors.h"
 #include "two_view/support.h"
 #include "util/constants.h"
@@ -76,6 +77,10 @@ bool areMixed(const std::vector<Eigen::Vector2d>& some,
   return static_cast<double>(mixed) > kLeastShare * share * static_cast<double>(some.size());
 }
 
+OtherMotion turnBy(const Eigen::Matrix3d& rotation, const Covariance6& covariance) {
+  return {Geometry::rotation, {rotation, Eigen::Vector3d::Zero()}, covariance};
+}
+
 }  // namespace
 
 const char* toString(Geometry geometry) {
@@ -122,8 +127,8 @@ struct TwoViewEstimator::Impl {
   double repeatedBy(const PointPairs& pairs, const std::vector<double>& deviations,
                     const TwoView& result);
   bool movesInOneRegion(const PointPairs& pairs, const TwoView& result) const;
-  static void doubtTheTravel(Doubt doubt, const Eigen::Matrix3d& rotation,
-                             const Covariance6& covariance, TwoView& result);
+  void doubtRigidity(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+  static void doubtTheTravel(Doubt doubt, const OtherMotion& other, TwoView& result);
   bool setMotions(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   template <typename Moved>
   static Covariance6 spreadOf(const Covariance6& linear, const RelativePose& pose,
@@ -161,6 +166,7 @@ struct TwoViewEstimator::Impl {
   std::vector<two_view::PlanarMotion> planes;  // motions that the homography of the plane allows
   Epipolar epipolar;
   two_view::Support support;
+  two_view::OffPlane off_the_plane;
   std::vector<double> chance;  // probability that each pair agrees by chance; above 1: it disagrees
   std::vector<two_view::Displacement> displaced;
   std::vector<double> values;                                    // buffer for computing medians
@@ -206,6 +212,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (log_epipolar < std::min(log_homography, kMostFalseAlarms)) {
     if (setEpipolar(pairs, input, result)) {
       if (isMirrored(pairs, result)) return refuse(Doubt::mirrored, result);
+      doubtRigidity(pairs, input, result);
       return doubtRepetition(pairs, input, result);
     }
     result.status = Status::model_rejected;
@@ -214,6 +221,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   if (!has_plane) return;
   if (!options.homography) return refuse(Doubt::undetermined, result);
   setPlaneOrRotation(pairs, input, result);
+  doubtRigidity(pairs, input, result);
   doubtRepetition(pairs, input, result);
 }
 
@@ -528,16 +536,28 @@ double TwoViewEstimator::Impl::repeatedBy(const PointPairs& pairs,
   return medianOf(values);
 }
 
-/// Reports a pure `rotation` as the other possible motion, and gives both motions the probability
-/// 0.5. Enlarges the covariance so that any direction of the translation is possible.
-void TwoViewEstimator::Impl::doubtTheTravel(Doubt doubt, const Eigen::Matrix3d& rotation,
-                                            const Covariance6& covariance, TwoView& result) {
+/// Sets the doubt `moving_region` if the pairs off the dominant plane move differently.
+void TwoViewEstimator::Impl::doubtRigidity(const PointPairs& pairs, const TwoViewInput& input,
+                                           TwoView& result) {
+  if (!cameras || !has_plane || result.pose.translation.isZero(0.0)) return;
+  if (result.doubt == Doubt::moving_region) return;
+  const auto other = off_the_plane.contradicting(
+      result.pose, pairs, plane.mask, input.deviations, *cameras, shared,
+      kSampsonShare * options.max_error, cellOf(pairs, input) / normalised.scale(),
+      0.5 * diagonalOf(input));
+  if (other) doubtTheTravel(Doubt::moving_region, *other, result);
+}
+
+/// Reports `other` as the other possible motion, and gives both motions the probability 0.5.
+/// Enlarges the covariance so that any direction of the translation is possible.
+void TwoViewEstimator::Impl::doubtTheTravel(Doubt doubt, const OtherMotion& other,
+                                            TwoView& result) {
   constexpr double kEven = 0.5;
   result.doubt = doubt;
   result.probability = kEven;
-  result.other =
-      OtherMotion{Geometry::rotation, {rotation, Eigen::Vector3d::Zero()}, covariance, kEven};
-  const Eigen::AngleAxisd turned(rotation * result.pose.rotation.transpose());
+  result.other = other;
+  result.other->probability = kEven;
+  const Eigen::AngleAxisd turned(other.pose.rotation * result.pose.rotation.transpose());
   const Eigen::Vector3d step = turned.angle() * turned.axis();
   const Eigen::Vector3d& t = result.pose.translation;
   result.pose_covariance.topLeftCorner<3, 3>() += Eigen::Matrix3d::Identity() - t * t.transpose();
@@ -784,7 +804,7 @@ void TwoViewEstimator::Impl::setPlaneOrRotation(const PointPairs& pairs, const T
   Covariance6 of_turn = Covariance6::Zero();
   of_turn.topLeftCorner<3, 3>().diagonal().setConstant(length * length);
   of_turn.bottomRightCorner<3, 3>() = nearest->covariance;
-  doubtTheTravel(Doubt::other_motion, nearest->rotation, of_turn, result);
+  doubtTheTravel(Doubt::other_motion, turnBy(nearest->rotation, of_turn), result);
 }
 
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
@@ -854,7 +874,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   const double across2 = result.pose_covariance.topLeftCorner<3, 3>().trace();
   if (result.other || across2 > kUnknown * kUnknown) result.doubt = doubtOf(result);
   if (movesInOneRegion(pairs, result)) {
-    doubtTheTravel(Doubt::moving_region, turn.rotation(), turnCovariance(pairs), result);
+    doubtTheTravel(Doubt::moving_region, turnBy(turn.rotation(), turnCovariance(pairs)), result);
   }
   return true;
 }

@@ -672,6 +672,60 @@ TEST(TwoView, SaysThatABonnetMayMove) {
   EXPECT_LE(certain, kRuns / 100);
 }
 
+/// A vehicle moves through the view of a camera that travels, too: its flat side covers 10 to 40 %
+/// of the image, and has about as many pairs as the scene behind it.
+TEST(TwoView, DoubtsAMotionThatJoinsAVehicleAndTheScene) {
+  Numbers numbers(39);
+  TwoViewEstimator estimator;
+  TwoView result;
+  int wrong = 0;
+  int certain = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    World world(Shape::depth, numbers, 300, 20, 0.2);
+    World side(Shape::plane, numbers, 2000, 0, 0.2);
+    const Eigen::Vector2d size(numbers.uniform(200.0, 400.0), numbers.uniform(150.0, 300.0));
+    const Eigen::Vector2d corner(numbers.uniform(0.0, kSize.width - size.x()),
+                                 numbers.uniform(0.0, kSize.height - size.y()));
+    const auto covers = [&](const Eigen::Vector2d& x) {
+      return ((x - corner).array() > 0.0).all() && ((x - corner).array() < size.array()).all();
+    };
+    PointPairs pairs;
+    for (std::size_t i = 0; i < world.pairs.size(); ++i) {
+      if (covers(world.pairs.reference[i])) continue;
+      pairs.add(world.pairs.reference[i], world.pairs.target[i], world.pairs.quality[i]);
+    }
+    const std::size_t scene = pairs.size();
+    for (std::size_t i = 0; i < side.pairs.size() && pairs.size() < 3 * scene; ++i) {
+      if (!covers(side.pairs.reference[i])) continue;
+      pairs.add(side.pairs.reference[i], side.pairs.target[i], side.pairs.quality[i]);
+    }
+    estimator.estimate(pairs, world.input(), result);
+    if (result.status != Status::ok || result.pose.translation.isZero(0.0)) continue;
+    const double off = std::max(world.turnError(result.pose), world.directionError(result.pose));
+    if (off < 5.0 * kDegree) continue;
+    ++wrong;
+    certain += result.doubt == Doubt::none;
+  }
+  std::printf("%d of %d wrong, %d certain\n", wrong, kRuns, certain);
+  EXPECT_GE(wrong, kRuns / 2);
+  EXPECT_LE(certain, kRuns * 5 / 100);  // 6 of 196; 21 without the test of the pairs off the plane
+}
+
+TEST(TwoView, ARigidSceneHasNoMovingRegion) {
+  Numbers numbers(40);
+  TwoViewEstimator estimator;
+  TwoView result;
+  int said = 0;
+  for (const Shape shape : {Shape::plane, Shape::relief, Shape::two_planes, Shape::depth}) {
+    for (int run = 0; run < kRuns; ++run) {
+      World world(shape, numbers, 300, 100, 0.2);
+      estimator.estimate(world.pairs, world.input(), result);
+      said += result.doubt == Doubt::moving_region;
+    }
+  }
+  EXPECT_LE(said, 4 * kRuns / 100);
+}
+
 /// Half of the precise pairs are a period off, so that either half may be the right one.
 TEST(TwoView, SaysThatATextureRepeatsItself) {
   Numbers numbers(36);
