@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
@@ -151,6 +152,13 @@ std::optional<double> sidewaysOf(const Eigen::Matrix3d& homography,
   const util::SmallMatrix unsure = util::inverseOf(slope.transpose() * slope);
   return std::sqrt(0.5 *
                    (motion(3) * motion(3) + motion(4) * motion(4) + unsure(3, 3) + unsure(4, 4)));
+}
+
+double shearOf(const Eigen::Matrix3d& homography, const Cameras& cameras,
+               const Eigen::Matrix3d& rotation) {
+  const Eigen::Matrix3d rest =
+      cameras.target_inverse * homography * cameras.reference * rotation.transpose();
+  return 0.5 * std::hypot(rest(0, 0) - rest(1, 1), rest(0, 1) + rest(1, 0)) / std::abs(rest(2, 2));
 }
 
 std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,

@@ -62,6 +62,13 @@ std::optional<NearestTurn> nearestTurn(const Eigen::Matrix3d& homography,
                                        const Eigen::Matrix<double, 8, 8>& covariance,
                                        const Cameras& cameras, const Eigen::Matrix3d& start);
 
+/// How far the camera may have turned about its optical axis unnoticed, rad. A motion t sideways
+/// over a plane with the tilt n, both in units of its distance, changes the image near the axis by
+/// t n^T: by a turn of (t x n) / 2 and by a shear that is not smaller. A fitted rotation follows
+/// the turn; the homography shows the shear. `rotation`: the rotation of the camera.
+double shearOf(const Eigen::Matrix3d& homography, const Cameras& cameras,
+               const Eigen::Matrix3d& rotation);
+
 /// How far the camera may have moved sideways over a plane that faces it, besides turning: the root
 /// mean square along an axis, in units of the distance to the plane. Such a motion hardly differs
 /// from a rotation if the field of view is small. `rotation`: the rotation of the camera; the other

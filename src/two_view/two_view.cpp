@@ -571,7 +571,8 @@ void TwoViewEstimator::Impl::doubtTheTravel(Doubt doubt, const OtherMotion& othe
 /// Student's t distribution, turn.scale(), is 0.8 times this scatter. So the mean parallax is about
 /// three times this scale. Its direction is not known, so the variance along each axis is half of
 /// its square. A scene that is flat or shallow has no such scatter: there the homography limits the
-/// mean parallax.
+/// mean parallax. Over ground, the parallax changes across the image, which looks like a turn about
+/// the optical axis (see shearOf()).
 Covariance6 TwoViewEstimator::Impl::turnCovariance(const PointPairs& pairs) const {
   constexpr double kMeanOfScale = 3.0;
   double unseen = std::sqrt(0.5) * kMeanOfScale * turn.scale();
@@ -580,6 +581,8 @@ Covariance6 TwoViewEstimator::Impl::turnCovariance(const PointPairs& pairs) cons
   if (sideways) unseen = std::max(unseen, *sideways * cameras->target(0, 0));
   Covariance6 covariance = Covariance6::Zero();
   covariance.bottomRightCorner<3, 3>() = turn.covariance(shared.with(turn.rotation()), unseen);
+  const double roll = two_view::shearOf(plane.answer.homography, *cameras, turn.rotation());
+  covariance(5, 5) += roll * roll;
   covariance.topLeftCorner<3, 3>().diagonal().setConstant(
       std::pow(unseen / cameras->target(0, 0), 2));
   // A zoom looks like a translation along the optical axis.

@@ -377,6 +377,40 @@ TEST(TwoView, ItsCovarianceIsNearThatOfItsErrors) {
   }
 }
 
+/// A camera that looks at the horizon moves sideways by 0.5 to 2 % of its height: the parallax of
+/// the ground looks like a turn about the optical axis.
+TEST(TwoView, CertaintyOfATurnIncludesTheParallaxOfTheGround) {
+  Numbers numbers(41);
+  TwoViewEstimator estimator;
+  TwoView result;
+  int turns = 0;
+  int inside = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    const Travel travel(randomRotation(0.05, numbers), {numbers.uniform(0.005, 0.02), 0.0, 0.0});
+    PointPairs pairs;
+    while (pairs.size() < 600) {
+      const Eigen::Vector2d x = numbers.pointIn(kSize);
+      const Eigen::Vector3d ray = camera().inverse() * x.homogeneous();
+      const Eigen::Vector2d u = travel.seen(ray / std::max(ray.y(), 1e-3), 1.0);
+      const Eigen::Vector2d noise(0.2 * numbers.normal(), 0.2 * numbers.normal());
+      pairs.add(x, u + noise, test::qualityOf(true, test::Order::good, numbers));
+    }
+    TwoViewInput input;
+    input.reference_camera = camera();
+    input.reference_size = input.target_size = kSize;
+    estimator.estimate(pairs, input, result);
+    if (result.geometry != Geometry::rotation) continue;
+    ++turns;
+    const Eigen::AngleAxisd off(travel.rotation * result.pose.rotation.transpose());
+    const Eigen::Vector3d error = off.angle() * off.axis();
+    const Eigen::Matrix3d covariance = result.pose_covariance.bottomRightCorner<3, 3>();
+    inside += error.dot(covariance.inverse() * error) < 16.3 ? 1 : 0;  // 99.9 % of chi²
+  }
+  std::printf("%d turns, %d inside\n", turns, inside);
+  EXPECT_GE(turns, kRuns / 10);
+  EXPECT_GE(inside, turns * 97 / 100);
+}
+
 TEST(TwoView, NamesBothMotionsOfAPlane) {
   Numbers numbers(31);
   TwoViewEstimator estimator;
