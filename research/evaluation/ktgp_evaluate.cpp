@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <filesystem>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
@@ -65,7 +66,7 @@ struct Arguments {
   EvaluatedSize size;
   bool hpatches = false;
   bool two_view = false;
-  std::vector<int> apart{1};
+  std::vector<int> apart;  // empty: not given
   double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
@@ -203,11 +204,12 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                    "direction at 1, 2, 5 and 10 degrees; preset slam with 4000 keypoints, as in "
                    "ktgp_match, unless others are given")
           ->group(views);
-  app.add_option("--apart", arguments.apart, "pairs of images so many rows of cameras.txt apart")
+  app.add_option("--apart", arguments.apart,
+                 "pairs of images so many rows of cameras.txt apart, where no pairs.txt lists them")
       ->delimiter(',')
       ->check(tools::wholeNumberIn(1, 1000))
       ->needs(two_view)
-      ->capture_default_str()
+      ->default_str("1")
       ->group(views);
   app.add_option("--truth-deviation", arguments.truth_deviation,
                  "standard deviation of the true homographies at the corners, px; added to the "
@@ -314,7 +316,12 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
   two_view::PoseEvaluator evaluator(arguments.pipeline, arguments.methods);
   for (const std::string& folder : arguments.data) {
     try {
-      const auto found = two_view::findPosePairs(folder, arguments.apart, read);
+      const auto found = two_view::findPosePairs(
+          folder, arguments.apart.empty() ? std::vector<int>{1} : arguments.apart, read);
+      if (!arguments.apart.empty() && std::filesystem::exists(folder + "/pairs.txt")) {
+        std::fprintf(stderr, "ktgp_evaluate: %s/pairs.txt lists the pairs: --apart has no effect\n",
+                     folder.c_str());
+      }
       pairs.insert(pairs.end(), found.begin(), found.end());
     } catch (const files::FileError& error) {
       problems.emplace_back(error.what());
@@ -325,8 +332,8 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
   for (const auto& pair : pairs) {
     try {
       scores.push_back(evaluator.evaluate(pair));
-    } catch (const files::FileError& error) {
-      problems.emplace_back(error.what());
+    } catch (const std::exception& error) {
+      problems.push_back(pair.set + " " + pair.name + ": " + error.what());
       scores.emplace_back();
     }
     progress.advance(pair.set + " " + pair.name);

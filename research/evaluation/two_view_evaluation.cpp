@@ -22,6 +22,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/metrics.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "util/camera_check.h"
 #include "util/format.h"
 #include "util/geometry.h"
 #include "util/keypoint_position.h"
@@ -34,6 +35,10 @@ namespace ktgp_orb::evaluation::two_view {
 
 namespace {
 
+// 99.9 % of chi² with five degrees of freedom, and with the three of a rotation.
+constexpr double kBound = 20.515;
+constexpr double kBoundOfATurn = 16.266;
+
 using Clock = std::chrono::steady_clock;
 using util::format;
 using util::millisecondsSince;
@@ -45,28 +50,88 @@ struct CameraRow {
   Eigen::Vector3d translation;
 };
 
-std::vector<CameraRow> readCameras(const std::string& file) {
+/// |R R' - 1|: how far the rounded numbers of a file are from a rotation. Infinite for a
+/// reflection.
+double offARotation(const Eigen::Matrix3d& r) {
+  return r.determinant() > 0.0 ? (r * r.transpose() - Eigen::Matrix3d::Identity()).norm()
+                               : std::numeric_limits<double>::infinity();
+}
+
+/// The lines of a file that are not blank, with their numbers.
+std::vector<std::pair<std::string, std::istringstream>> readLines(const std::string& file) {
   std::ifstream in(file);
   if (!in) throw files::FileError(file, "cannot be opened");
-  std::vector<CameraRow> rows;
-  for (std::string line; std::getline(in, line);) {
+  std::vector<std::pair<std::string, std::istringstream>> lines;
+  int number = 1;
+  for (std::string line; std::getline(in, line); ++number) {
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
-    std::istringstream text(line);
+    lines.emplace_back("line " + std::to_string(number), line);
+  }
+  return lines;
+}
+
+std::vector<CameraRow> readCameras(const std::string& file) {
+  constexpr double kMostOff = 1e-3;
+  std::vector<CameraRow> rows;
+  for (auto& [line, text] : readLines(file)) {
     CameraRow row;
     text >> row.file >> row.k(0, 0) >> row.k(1, 1) >> row.k(0, 2) >> row.k(1, 2);
     for (int i = 0; i < 9; ++i) text >> row.rotation(i / 3, i % 3);
     for (int i = 0; i < 3; ++i) text >> row.translation[i];
-    if (!text) {
-      throw files::FileError(file, "has a row that is not `file fx fy cx cy R11 ... R33 t1 t2 t3`");
+    if (!text || !(text >> std::ws).eof()) {
+      throw files::FileError(file, line + " is not `file fx fy cx cy R11 ... R33 t1 t2 t3`");
+    }
+    if (!(offARotation(row.rotation) <= kMostOff)) {
+      throw files::FileError(file, line +
+                                       " has an R that is no rotation; expected R R' = 1 and "
+                                       "det R = 1, and t after the nine numbers of R");
     }
     rows.push_back(row);
   }
+  if (rows.empty()) {
+    throw files::FileError(file, "has no row `file fx fy cx cy R11 ... R33 t1 t2 t3`");
+  }
   return rows;
+}
+
+/// The pairs of row numbers in pairs.txt. `count`: the rows of cameras.txt.
+std::vector<std::pair<std::size_t, std::size_t>> readPairs(const std::string& file,
+                                                           std::size_t count) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (auto& [line, text] : readLines(file)) {
+    auto& [i, j] = pairs.emplace_back();
+    if (!(text >> i >> j) || !(text >> std::ws).eof()) {
+      throw files::FileError(file, line + " is not two row numbers");
+    }
+    if (std::max(i, j) < count) continue;
+    throw files::FileError(file, line + " has a row number beyond the " + std::to_string(count) +
+                                     " rows of cameras.txt, from 0 on");
+  }
+  if (pairs.empty()) throw files::FileError(file, "names no pair; expected two row numbers a line");
+  return pairs;
+}
+
+/// The motion between two images. A translation within the rounding of the
+/// file, as far as the rotations show it, is none.
+void setMotion(const CameraRow& a, const CameraRow& b, PosePair& pair) {
+  pair.rotation = b.rotation * a.rotation.transpose();
+  pair.translation = b.translation - pair.rotation * a.translation;
+  const double rounding =
+      std::max(1e-9, 10.0 * std::max(offARotation(a.rotation), offARotation(b.rotation)) *
+                         std::max(a.translation.norm(), b.translation.norm()));
+  const double length = pair.translation.norm();
+  pair.translation = length > rounding ? Eigen::Vector3d(pair.translation / length)
+                                       : Eigen::Vector3d(Eigen::Vector3d::Zero());
 }
 
 Eigen::Matrix3d fundamentalOf(const PosePair& pair) {
   return pair.target_camera.inverse().transpose() * util::crossed(pair.translation) *
          pair.rotation * pair.reference_camera.inverse();
+}
+
+/// Distance in px of the match x, u from the map H of a rotation.
+double transfer(const Eigen::Matrix3d& h, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {
+  return ((h * x.homogeneous()).hnormalized() - u).norm();
 }
 
 double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {
@@ -84,7 +149,7 @@ double degrees(double radians) {
 /// camera only turned, the error of the rotation.
 double poseError(const PosePair& truth, const RelativePose& found) {
   const double turn = Eigen::AngleAxisd(found.rotation * truth.rotation.transpose()).angle();
-  if (truth.translation.isZero(0.0)) return degrees(std::abs(turn));
+  if (truth.onlyTurns()) return degrees(std::abs(turn));
   const double cosine = found.translation.normalized().dot(truth.translation);
   return degrees(std::max(std::abs(turn), std::acos(std::clamp(cosine, -1.0, 1.0))));
 }
@@ -97,7 +162,7 @@ double normalisedError(const PosePair& truth, const RelativePose& found,
   const Eigen::AngleAxisd turn(truth.rotation * found.rotation.transpose());
   const Eigen::Vector3d turn_error = turn.angle() * turn.axis();
   const Eigen::Matrix<double, 6, 6> spread = covariance;
-  if (truth.translation.isZero(0.0)) {
+  if (truth.onlyTurns()) {
     return turn_error.dot(spread.bottomRightCorner<3, 3>().ldlt().solve(turn_error));
   }
   Six error;
@@ -123,11 +188,16 @@ struct Candidates {
 };
 
 void scoreMatches(const PosePair& pair, const Candidates& candidates, PoseScore& score) {
-  const Eigen::Matrix3d f = fundamentalOf(pair);
+  // A rotation has no epipolar geometry, but a map of the whole image.
+  const auto distance = pair.onlyTurns() ? transfer : sampson;
+  const Eigen::Matrix3d truth =
+      pair.onlyTurns() ? pair.target_camera * pair.rotation * pair.reference_camera.inverse()
+                       : fundamentalOf(pair);
   std::size_t right = 0;
   std::size_t right_final = 0;
   for (std::size_t i = 0; i < candidates.final.size(); ++i) {
-    const bool is_right = sampson(f, candidates.reference[i], candidates.target[i]) < kRightWithin;
+    const bool is_right =
+        distance(truth, candidates.reference[i], candidates.target[i]) < kRightWithin;
     right += is_right;
     right_final += is_right && candidates.final[i] != 0;
     score.matches += candidates.final[i];
@@ -235,11 +305,11 @@ Run ours(const MatcherOptions& options) {
     score.found = view.geometry != Geometry::none;
     score.geometry = toString(result->geometry);
     score.doubt = toString(view.doubt);
-    const bool turned = pair.translation.isZero(0.0);
-    if (score.found && (turned || view.pose.translation.norm() > 0.5)) {
+    if (score.found && (pair.onlyTurns() || view.pose.translation.norm() > 0.5)) {
       score.error = poseError(pair, view.pose);
       if (view.pose_covariance.allFinite()) {
         score.normalised = normalisedError(pair, view.pose, view.pose_covariance);
+        score.consistent = *score.normalised < (pair.onlyTurns() ? kBoundOfATurn : kBound);
         score.deviation =
             degrees(std::sqrt(std::max(view.pose_covariance.topLeftCorner<3, 3>().trace(),
                                        view.pose_covariance.bottomRightCorner<3, 3>().trace())));
@@ -324,8 +394,6 @@ std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> 
   };
 }
 
-constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
-
 double share(std::size_t count, std::size_t of) {
   return of > 0 ? 100.0 * static_cast<double>(count) / static_cast<double>(of) : 0.0;
 }
@@ -349,7 +417,7 @@ std::string row(const std::string& set, const std::string& method,
     found += score.found;
     if (!score.normalised) continue;
     normalised.push_back(*score.normalised);
-    within += *score.normalised < kBound;
+    within += score.consistent;
   }
   std::string out = format("%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(), scores.size(),
                            share(found, scores.size()));
@@ -376,7 +444,7 @@ std::string wrongAndCertain(const std::vector<PosePair>& pairs,
     for (std::size_t m = 0; m < scores[i].size(); ++m) {
       const PoseScore& score = scores[i][m];
       if (!score.found || !(score.error > kWrong) || !score.normalised) continue;
-      if (*score.normalised < kBound) continue;
+      if (score.consistent) continue;
       out += format("%s %s, %s: %s, error %.1f degrees, deviation %.2f, doubt %s\n",
                     pairs[i].set.c_str(), pairs[i].name.c_str(), methods[m].c_str(),
                     score.geometry.c_str(), score.error, score.deviation, score.doubt.c_str());
@@ -407,26 +475,19 @@ std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector
     pair.target = folder + "/" + b.file;
     pair.reference_camera = a.k;
     pair.target_camera = b.k;
-    pair.rotation = b.rotation * a.rotation.transpose();
-    pair.translation = b.translation - pair.rotation * a.translation;
-    const double length = pair.translation.norm();
-    pair.translation = length > 1e-9 ? Eigen::Vector3d(pair.translation / length)
-                                     : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    setMotion(a, b, pair);
     pairs.push_back(pair);
   };
   if (fs::exists(list)) {
-    std::ifstream in(list);
-    for (std::size_t i = 0, j = 0; in >> i >> j;) {
-      if (std::max(i, j) >= rows.size()) {
-        throw files::FileError(list, "has a row number beyond the rows of cameras.txt");
-      }
-      add(i, j, set);
-    }
-    if (!in.eof()) throw files::FileError(list, "has a row that is not two row numbers");
+    for (const auto& [i, j] : readPairs(list, rows.size())) add(i, j, set);
     return pairs;
   }
   for (const int distance : apart) {
     const auto step = static_cast<std::size_t>(distance);
+    if (step >= rows.size()) {
+      throw files::FileError(cameras, "has " + std::to_string(rows.size()) + " rows: no pair is " +
+                                          std::to_string(distance) + " rows apart");
+    }
     for (std::size_t i = 0; i + step < rows.size(); ++i) {
       add(i, i + step, set + ", " + std::to_string(distance) + " apart");
     }
@@ -459,6 +520,12 @@ PoseEvaluator::PoseEvaluator(const PipelineOptions& options, const std::vector<s
 std::vector<PoseScore> PoseEvaluator::evaluate(const PosePair& pair) {
   const cv::Mat reference = files::readGrey(pair.reference);
   const cv::Mat target = files::readGrey(pair.target);
+  const auto require = [](const std::string& file, const Eigen::Matrix3d& k, const cv::Mat& image) {
+    util::requireK("K of " + file, k, image.size());
+    util::requirePrincipalPoint("K of " + file, k, image.size());
+  };
+  require(pair.reference, pair.reference_camera, reference);
+  require(pair.target, pair.target_camera, target);
   extractor_.extract(reference, reference_);
   extractor_.extract(target, target_);
   std::vector<PoseScore> scores;

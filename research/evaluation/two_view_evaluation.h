@@ -16,7 +16,8 @@ namespace ktgp_orb::evaluation::two_view {
 
 /// Limits of the error for the area under the curve, degrees.
 constexpr std::array<double, 4> kPoseThresholds{1.0, 2.0, 5.0, 10.0};
-/// A match is right if its Sampson distance from the true epipolar geometry is below this, px.
+/// A match is right if its Sampson distance from the true epipolar geometry is below this, px. If
+/// the camera only turned: its distance from the position that the turn gives.
 constexpr double kRightWithin = 1.5;
 
 /// Two images with known cameras: x_target ~ R x_reference + t.
@@ -29,12 +30,15 @@ struct PosePair {
   Eigen::Matrix3d target_camera;
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;  ///< unit vector; zero if the camera only turned
+
+  bool onlyTurns() const { return translation.isZero(0.0); }
 };
 
 /// The pairs that pairs.txt of `folder` lists by row numbers, from 0. Without that file, the images
 /// that are `apart` rows from each other in cameras.txt. This file has one row per image, `file fx
 /// fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError. `read` gets the
-/// names of all files of the folder; after an error, the names that are known by then.
+/// names of all files of the folder; after an error, the names that are known by then. A row that
+/// is no such row, and a distance or a pairs.txt without a pair, are errors.
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
                                     std::vector<std::string>& read);
 
@@ -53,8 +57,10 @@ struct PoseScore {
   double kept = 0.0;
   /// The larger deviation of rotation and direction by the answer's covariance, degrees.
   double deviation = 0.0;
-  std::string doubt;                 ///< see Doubt; peers: empty
-  std::optional<double> normalised;  ///< squared error over its covariance, 5 degrees of freedom
+  std::string doubt;  ///< see Doubt; peers: empty
+  /// Squared error over its covariance; 5 degrees of freedom, or 3 if the camera only turned.
+  std::optional<double> normalised;
+  bool consistent = false;  ///< `normalised` is within the 99.9 % bound of these
 };
 
 /// Names of the methods: ours, and OpenCV's estimator on our matches and on OpenCV's own.
@@ -65,7 +71,8 @@ class PoseEvaluator {
  public:
   /// `options`: parameters of the preset slam. Throws std::invalid_argument for an unknown name.
   PoseEvaluator(const PipelineOptions& options, const std::vector<std::string>& methods);
-  /// One score per method, in their order. Throws FileError.
+  /// One score per method, in their order. Throws FileError, and std::invalid_argument for a K that
+  /// does not fit the image.
   std::vector<PoseScore> evaluate(const PosePair& pair);
 
  private:

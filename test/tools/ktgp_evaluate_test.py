@@ -6,10 +6,12 @@ import shutil
 import unittest
 
 import cv2
-from tool_case import HEIGHT, ToolCase, picture, translation, write_pgm
+import numpy as np
+from tool_case import HEIGHT, WIDTH, ToolCase, picture, translation, window, write_pgm
 
 SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
 KITTI = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "two_view/kitti_2")
+CAMERA = "300 300 160 120"  # fx fy cx cy, px
 DOGMAN = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "hard/dogman")
 
 
@@ -316,8 +318,17 @@ class KtgpEvaluate(ToolCase):
     def test_cameras_that_cannot_be_read_are_named(self):
         (self.folder / "bad").mkdir()
         self.evaluate("--two-view", "bad", code=1, words="bad/cameras.txt")
-        self.write("bad/cameras.txt", "a.png 1 2 3\n")
-        self.evaluate("--two-view", "bad", code=1, words="has a row that is not `file fx fy cx cy R11")
+        right = f"a.png {CAMERA} 1 0 0 0 1 0 0 0 1 0 0 0\n"
+        for row, words in (("a.png 1 2 3", "line 2 is not `file fx fy cx cy R11"),
+                           (right.strip() + " 0 0 0 1", "line 2 is not `file fx fy cx cy R11"),
+                           (f"a.png {CAMERA} 1 0 0 5 0 1 0 6 0 0 1 7", "line 2 has an R that is no rotation"),
+                           (f"a.png {CAMERA} 2 0 0 0 2 0 0 0 2 0 0 0", "line 2 has an R that is no rotation"),
+                           (f"a.png {CAMERA} 0 0 0 0 0 0 0 0 0 0 0 0", "line 2 has an R that is no rotation"),
+                           (f"a.png {CAMERA} -1 0 0 0 1 0 0 0 1 0 0 0", "line 2 has an R that is no rotation")):
+            self.write("bad/cameras.txt", right + row + "\n")
+            self.evaluate("--two-view", "bad", code=1, words=("bad/cameras.txt: " + words,))
+        self.write("bad/cameras.txt", "\n")
+        self.evaluate("--two-view", "bad", code=1, words="bad/cameras.txt: has no row `file fx fy")
         self.evaluate("--two-view", "bad", "--methods", "MAGIC", code=2,
                       words="there is no method MAGIC of two views; expected one of SLAM")
 
@@ -328,12 +339,53 @@ class KtgpEvaluate(ToolCase):
 
     def test_pairs_that_cannot_be_are_named(self):
         (self.folder / "bad").mkdir()
-        row = " 100 100 5 5 1 0 0 0 1 0 0 0 1 0 0 0\n"
+        row = f" {CAMERA} 1 0 0 0 1 0 0 0 1 0 0 0\n"
         self.write("bad/cameras.txt", "a.png" + row + "b.png" + row)
-        self.write("bad/pairs.txt", "0 2\n")
-        self.evaluate("--two-view", "bad", code=1, words="has a row number beyond the rows of cameras.txt")
-        self.write("bad/pairs.txt", "0 one\n")
-        self.evaluate("--two-view", "bad", code=1, words="has a row that is not two row numbers")
+        self.evaluate("--two-view", "bad", "--apart", "1,2", code=1,
+                      words="bad/cameras.txt: has 2 rows: no pair is 2 rows apart")
+        for text, words in (("0 2\n", "line 1 has a row number beyond the 2 rows of cameras.txt"),
+                            ("0 one\n", "line 1 is not two row numbers"), ("0 1\n1\n", "line 2 is not two row"),
+                            ("0 1\n\n0 1 1\n", "line 3 is not two row"), ("", "names no pair")):
+            self.write("bad/pairs.txt", text)
+            self.evaluate("--two-view", "bad", code=1, words="bad/pairs.txt: " + words)
+
+    def make_turn(self, name, third_camera=CAMERA, third=(HEIGHT, WIDTH)):
+        """A folder with two views of a camera that only turned, far from the origin, in numbers of six digits, and a
+        third image."""
+        (self.folder / name).mkdir()
+        K = np.array([[300, 0, 160], [0, 300, 120], [0, 0, 1.0]])
+        rows = ""
+        for file, camera, angle in (("a.pgm", CAMERA, 0.3), ("b.pgm", CAMERA, 0.36), ("c.pgm", third_camera, 0.3)):
+            R = cv2.Rodrigues(np.array([0, angle, 0.1]))[0]
+            numbers = [f"{x:.6g}" for x in (*R.ravel(), *(-R @ (100, 200, 30)))]
+            rows += f"{file} {camera} {' '.join(numbers)}\n"
+            H = K @ R @ cv2.Rodrigues(np.array([0, 0.33, 0.1]))[0].T @ np.linalg.inv(K)
+            view = cv2.warpPerspective(window(picture(), 20, 20), H, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC)
+            cv2.imwrite(self.path(name, file), view if file != "c.pgm" else np.full(third, 128, np.uint8))
+        self.write(name + "/cameras.txt", rows)
+
+    def test_a_turn_is_one_in_rounded_numbers_and_its_matches_are_judged_by_it(self):
+        self.make_turn("turn")
+        self.write("turn/pairs.txt", "0 1\n0 0\n")
+        self.evaluate("--two-view", "turn", "--apart", "1", "--csv", "views.csv", "--methods", "SLAM,KTGP+MAGSAC++",
+                      words="turn/pairs.txt lists the pairs: --apart has no effect", prints="100.0")
+        rows = self.table("views.csv")
+        self.assertEqual(len(rows), 4)
+        for row in (rows[0], rows[2]):
+            self.assertEqual((row["method"], row["geometry"]), ("SLAM", "rotation"))
+            self.assertLess(float(row["error"]), 0.1, row)
+        for row in rows[:3]:  # OpenCV finds no essential matrix of an image and itself
+            self.assertGreater(float(row["precision"]), 0.75, row)
+            self.assertGreater(float(row["kept"]), 0.5, row)
+
+    def test_a_camera_that_does_not_fit_its_image_is_a_problem_of_its_pairs(self):
+        for name, camera, size, words in (("none", "0 300 160 120", (HEIGHT, WIDTH), "fx of K of focal_none/c.pgm is 0"),
+                                          ("half", CAMERA, (HEIGHT // 2, WIDTH // 2), "another image size?")):
+            self.make_turn("focal_" + name, camera, size)
+            self.write(f"focal_{name}/pairs.txt", "0 2\n0 1\n")
+            self.evaluate("--two-view", "focal_" + name, "--csv", "views.csv", "--methods", "SLAM", code=1,
+                          words=(f"focal_{name} a.pgm c.pgm: ", words))
+            self.assertEqual([row["pair"] for row in self.table("views.csv")], ["a.pgm b.pgm"])
 
     def test_tiny_warps_are_those_of_a_slow_camera(self):
         """KTGP+ALIGN measures their hundredths of a pixel, where keypoints alone are tenths off."""
