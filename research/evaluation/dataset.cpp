@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -16,8 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kImagesPerSet = 6;
-constexpr std::array<const char*, 5> kImageEndings{".ppm", ".pgm", ".png", ".jpg", ".jpeg"};
+constexpr int kImagesPerSet = 6;  // at least
+constexpr std::array<const char*, 8> kImageEndings{".ppm",  ".pgm", ".png",  ".jpg",
+                                                   ".jpeg", ".tif", ".tiff", ".bmp"};
 
 // Both functions also return false for an invalid name, for example a name that is too long.
 bool isThere(const fs::path& path) {
@@ -27,6 +30,36 @@ bool isThere(const fs::path& path) {
 bool isFolder(const fs::path& path) {
   std::error_code none;
   return fs::is_directory(path, none);
+}
+
+std::string inCase(int (*change)(int), std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [&](unsigned char c) { return static_cast<char>(change(c)); });
+  return text;
+}
+
+/// The image `stem` with any of the usual endings, or with `.ending` if there is none.
+std::string imageOf(const fs::path& stem, const char* ending) {
+  for (const char* known : kImageEndings) {
+    for (const std::string& each : {std::string(known), inCase(std::toupper, known)}) {
+      if (isThere(stem.string() + each)) return stem.string() + each;
+    }
+  }
+  return stem.string() + ending;
+}
+
+/// The images in the folder in the order of their names.
+std::vector<fs::path> imagesIn(const fs::path& folder) {
+  std::vector<fs::path> images;
+  if (!isFolder(folder)) return images;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string ending = inCase(std::tolower, entry.path().extension().string());
+    if (std::count(kImageEndings.begin(), kImageEndings.end(), ending) > 0) {
+      images.push_back(entry.path());
+    }
+  }
+  std::sort(images.begin(), images.end());
+  return images;
 }
 
 /// File names of a kind of data set.
@@ -45,13 +78,8 @@ struct Layout {
 constexpr Layout kOxford{"img", "H", "to", "p"};
 constexpr Layout kHpatches{"", "H_", "_", ""};
 
-/// Image `k` with any of the usual endings, or the first ending if there is no such file.
-fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
-  const std::string stem = layout.image_prefix + std::to_string(k);
-  for (const char* ending : kImageEndings) {
-    if (isThere(folder / (stem + ending))) return folder / (stem + ending);
-  }
-  return folder / (stem + ".ppm");
+std::string imageFile(const fs::path& folder, const Layout& layout, int k) {
+  return imageOf(folder / (layout.image_prefix + std::to_string(k)), ".ppm");
 }
 
 bool isLaidOutAs(const Layout& layout, const fs::path& folder) {
@@ -84,64 +112,72 @@ void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
 }
 
 void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
-  const std::string set = fs::canonical(folder).filename().string();
-  for (int i = 1; i < kImagesPerSet; ++i) {
-    const std::string reference = imageFile(folder, layout, i).string();
-    for (int k = i + 1; k <= kImagesPerSet; ++k) {
+  const std::string set = nameOfSet(folder.string(), dataset.sets);
+  int images = kImagesPerSet;
+  while (isThere(imageFile(folder, layout, images + 1)) ||
+         isThere(folder / layout.homography(1, images + 1))) {
+    ++images;
+  }
+  for (int i = 1; i < images; ++i) {
+    const std::string reference = imageFile(folder, layout, i);
+    for (int k = i + 1; k <= images; ++k) {
       const fs::path homography = folder / layout.homography(i, k);
       if (i > 1 && !isThere(homography)) continue;  // most sets have only homographies of image 1
-      const std::string target = imageFile(folder, layout, k).string();
+      const std::string target = imageFile(folder, layout, k);
       addPair({set, std::to_string(i) + "-" + std::to_string(k), reference, target, {}, {}, {}},
               homography.string(), dataset);
     }
   }
 }
 
-std::vector<fs::path> filesEndingIn(const char* ending, const fs::path& folder) {
-  std::vector<fs::path> files;
-  if (!isFolder(folder)) return files;
+/// The names of the truths in the folder: its files with this ending, without it.
+std::set<std::string> truthsIn(const fs::path& folder, const char* ending) {
+  std::set<std::string> names;
+  if (!isFolder(folder)) return names;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().extension() == ending) files.push_back(entry.path());
+    if (entry.path().extension() == ending) names.insert(entry.path().stem().string());
   }
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
-/// The file `stem` with any of the usual endings of images, or .png if there is no such file.
-std::string imageOf(const fs::path& stem) {
-  for (const char* ending : kImageEndings) {
-    if (isThere(stem.string() + ending)) return stem.string() + ending;
-  }
-  return stem.string() + ".png";
+  return names;
 }
 
 bool addExtremeViews(const fs::path& folder, Dataset& dataset) {
-  const std::vector<fs::path> truths = filesEndingIn(".txt", folder / "h");
-  if (!isFolder(folder / "1") || !isFolder(folder / "2")) return false;
-  const std::string set = fs::canonical(folder).filename().string();
-  for (const fs::path& truth : truths) {
-    const fs::path name = truth.stem();
+  std::set<std::string> names = truthsIn(folder / "h", ".txt");
+  if (names.empty() || !isFolder(folder / "1") || !isFolder(folder / "2")) return false;
+  // An image without its truth is a problem, too.
+  for (const fs::path& image : imagesIn(folder / "1")) names.insert(image.stem().string());
+  const std::string set = nameOfSet(folder.string(), dataset.sets);
+  for (const std::string& name : names) {
     addPair({set,
-             name.string(),
-             imageOf(folder / "1" / name),
-             imageOf(folder / "2" / name),
+             name,
+             imageOf(folder / "1" / name, ".png"),
+             imageOf(folder / "2" / name, ".png"),
              {},
              {},
              {}},
-            truth.string(), dataset);
+            (folder / "h" / (name + ".txt")).string(), dataset);
   }
-  return !truths.empty();
+  return true;
 }
 
 bool addAnnotated(const fs::path& folder, Dataset& dataset) {
-  const std::vector<fs::path> truths = filesEndingIn(kPointsEnding, folder);
-  const std::string set = fs::canonical(folder).filename().string();
-  for (const fs::path& truth : truths) {
-    const std::string name = truth.stem().string();
-    addPair({set, name, imageOf(folder / (name + "A")), imageOf(folder / (name + "B")), {}, {}, {}},
-            truth.string(), dataset);
+  std::set<std::string> names = truthsIn(folder, kPointsEnding);
+  if (names.empty()) return false;
+  for (const fs::path& image : imagesIn(folder)) {
+    const std::string stem = image.stem().string();
+    if (stem.back() == 'A') names.insert(stem.substr(0, stem.size() - 1));
   }
-  return !truths.empty();
+  const std::string set = nameOfSet(folder.string(), dataset.sets);
+  for (const std::string& name : names) {
+    addPair({set,
+             name,
+             imageOf(folder / (name + "A"), ".png"),
+             imageOf(folder / (name + "B"), ".png"),
+             {},
+             {},
+             {}},
+            (folder / (name + kPointsEnding)).string(), dataset);
+  }
+  return true;
 }
 
 bool addFolder(const fs::path& folder, Dataset& dataset) {
@@ -154,16 +190,19 @@ bool addFolder(const fs::path& folder, Dataset& dataset) {
 }
 
 void addSubfolders(const fs::path& folder, Dataset& dataset) {
-  std::vector<fs::path> subfolders;
+  std::vector<fs::path> subfolders, unknown;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.is_directory()) subfolders.push_back(entry.path());
+    const bool is_hidden = entry.path().filename().string().front() == '.';
+    if (entry.is_directory() && !is_hidden) subfolders.push_back(entry.path());
   }
   std::sort(subfolders.begin(), subfolders.end());
-  bool found = false;
-  for (const fs::path& subfolder : subfolders) found |= addFolder(subfolder, dataset);
-  if (!found) {
+  for (const fs::path& subfolder : subfolders) {
+    if (!addFolder(subfolder, dataset)) unknown.push_back(subfolder);
+  }
+  if (unknown.size() == subfolders.size()) unknown = {folder};
+  for (const fs::path& each : unknown) {
     dataset.problems.push_back(
-        folder.string() +
+        each.string() +
         ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, 1/NAME.png and "
         "h/NAME.txt, or NAMEA.png and NAME.points, in it or in its subfolders");
   }
@@ -185,6 +224,7 @@ void addList(const fs::path& file, Dataset& dataset) {
     dataset.problems.push_back(file.string() + ": cannot be opened");
     return;
   }
+  const std::string set = nameOfSet(file.string(), dataset.sets);
   const std::size_t before = dataset.pairs.size() + dataset.problems.size();
   const fs::path folder = file.parent_path();
   std::string line;
@@ -209,14 +249,9 @@ void addList(const fs::path& file, Dataset& dataset) {
                                  " lines cannot be read; the rest of it was not read");
       return;
     }
-    addPair({file.stem().string(),
-             fields[0],
-             (folder / fields[1]).string(),
-             (folder / fields[2]).string(),
-             {},
-             {},
-             {}},
-            (folder / fields[3]).string(), dataset);
+    addPair(
+        {set, fields[0], (folder / fields[1]).string(), (folder / fields[2]).string(), {}, {}, {}},
+        (folder / fields[3]).string(), dataset);
   }
   if (dataset.pairs.size() + dataset.problems.size() == before) {
     dataset.problems.push_back(file.string() +
@@ -232,18 +267,28 @@ std::vector<std::string> pictures(const std::string& path, Dataset& dataset) {
   }
   if (!isFolder(path)) return {path};
   std::vector<std::string> found;
-  for (const auto& entry : fs::directory_iterator(path)) {
-    const std::string ending = entry.path().extension().string();
-    const bool is_image =
-        std::find(kImageEndings.begin(), kImageEndings.end(), ending) != kImageEndings.end();
-    if (is_image) found.push_back(entry.path().string());
-  }
+  for (const fs::path& image : imagesIn(path)) found.push_back(image.string());
   if (found.empty()) dataset.problems.push_back(path + ": holds no image");
-  std::sort(found.begin(), found.end());
   return found;
 }
 
 }  // namespace
+
+std::string nameOfSet(const std::string& path, std::map<std::string, std::string>& sets) {
+  std::error_code error;
+  fs::path full = fs::canonical(path, error);
+  if (error) full = fs::absolute(path);  // for example a pipe
+  const auto is_full = [&](const auto& set) { return set.second == full.string(); };
+  if (std::any_of(sets.begin(), sets.end(), is_full)) {
+    throw std::invalid_argument(path + " is given twice");
+  }
+  std::string name = (fs::is_directory(full) ? full.filename() : full.stem()).string();
+  for (fs::path parent = full.parent_path(); sets.count(name) > 0; parent = parent.parent_path()) {
+    name = (parent.filename() / name).string();
+  }
+  sets[name] = full.string();
+  return name;
+}
 
 void addPairs(const std::string& path, Dataset& dataset) {
   if (!isFolder(path)) {

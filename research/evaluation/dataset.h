@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,12 +33,19 @@ struct ImagePair {
 /// The usable pairs, and the problems of the unusable pairs.
 struct Dataset {
   std::vector<ImagePair> pairs;
-  std::vector<std::string> problems;  ///< one line each, beginning with the file's name
-  std::vector<std::string> files;     ///< all files that are read
+  std::vector<std::string> problems;        ///< one line each, beginning with the file's name
+  std::vector<std::string> files;           ///< all files that are read
+  std::map<std::string, std::string> sets;  ///< full paths by the names of the sets
 };
 
+/// The name of the set at `path`: its last part, and as many of its parents as tell it from the
+/// other `sets` (full paths by names), to which it is added. Throws std::invalid_argument if the
+/// same path is among these.
+std::string nameOfSet(const std::string& path, std::map<std::string, std::string>& sets);
+
 /// Adds the pairs found at `path`:
-/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and more if they exist),
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and more if they exist:
+///   further images, and homographies of other images than the first),
 /// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
@@ -45,7 +53,10 @@ struct Dataset {
 /// - a text file with a line `name imageA imageB truth` per pair; the truth is a homography A->B,
 ///   or annotated points if its name ends in .points. Paths are relative to the file, without
 ///   blanks; # begins a comment.
-/// Image 1 is the reference. A missing or broken file becomes a problem, and the rest is used.
+/// Image 1 is the reference. A missing or broken file, an image without its truth, and a subfolder
+/// that is none of these become problems, and the rest is used. Images end in .ppm, .pgm, .png,
+/// .jpg, .jpeg, .tif, .tiff or .bmp, also in upper case. Throws std::invalid_argument if a set is
+/// given twice.
 void addPairs(const std::string& path, Dataset& dataset);
 
 /// Adds `count` warps of the pictures at `paths` (images, or folders of images) as the set `name`,

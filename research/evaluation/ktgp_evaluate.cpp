@@ -254,6 +254,9 @@ Dataset findPairs(const Arguments& arguments) {
   if (!arguments.warps.empty()) return dataset;
   for (const std::string& path : arguments.data) addPairs(path, dataset);
   if (arguments.hpatches) hpatches::leaveOutLarge(dataset);
+  if (dataset.pairs.empty() && dataset.problems.empty()) {
+    dataset.problems.emplace_back("--hpatches leaves out all of these sequences, of large images");
+  }
   return dataset;
 }
 
@@ -309,15 +312,15 @@ int evaluateImageSets(files::OutputPlan& plan, const Arguments& arguments) {
 }
 
 int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
-  std::vector<std::string> problems;
-  std::vector<std::string> read;
+  Dataset dataset;
+  std::vector<std::string>& problems = dataset.problems;
   std::vector<two_view::PosePair> pairs;
   std::vector<std::vector<two_view::PoseScore>> scores;
   two_view::PoseEvaluator evaluator(arguments.pipeline, arguments.methods);
   for (const std::string& folder : arguments.data) {
     try {
       const auto found = two_view::findPosePairs(
-          folder, arguments.apart.empty() ? std::vector<int>{1} : arguments.apart, read);
+          folder, arguments.apart.empty() ? std::vector<int>{1} : arguments.apart, dataset);
       if (!arguments.apart.empty() && std::filesystem::exists(folder + "/pairs.txt")) {
         std::fprintf(stderr, "ktgp_evaluate: %s/pairs.txt lists the pairs: --apart has no effect\n",
                      folder.c_str());
@@ -327,7 +330,7 @@ int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
       problems.emplace_back(error.what());
     }
   }
-  checkFiles(plan, read, arguments);
+  checkFiles(plan, dataset.files, arguments);
   tools::ProgressBar progress(pairs.size());
   for (const auto& pair : pairs) {
     try {

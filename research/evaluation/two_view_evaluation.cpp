@@ -456,14 +456,15 @@ std::string wrongAndCertain(const std::vector<PosePair>& pairs,
 }  // namespace
 
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
-                                    std::vector<std::string>& read) {
+                                    Dataset& dataset) {
   namespace fs = std::filesystem;
   const std::string cameras = folder + "/cameras.txt";
   const std::string list = folder + "/pairs.txt";
+  std::vector<std::string>& read = dataset.files;
   read.insert(read.end(), {cameras, list});
   const std::vector<CameraRow> rows = readCameras(cameras);
   for (const CameraRow& row : rows) read.push_back(folder + "/" + row.file);
-  const std::string set = fs::canonical(folder).filename().string();
+  const std::string set = nameOfSet(folder, dataset.sets);
   std::vector<PosePair> pairs;
   const auto add = [&](std::size_t i, std::size_t j, const std::string& name) {
     const CameraRow& a = rows[i];

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/dataset.h"
 #include "evaluation/method_steps.h"
 #include "parameters/options.h"
 
@@ -36,11 +37,11 @@ struct PosePair {
 
 /// The pairs that pairs.txt of `folder` lists by row numbers, from 0. Without that file, the images
 /// that are `apart` rows from each other in cameras.txt. This file has one row per image, `file fx
-/// fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError. `read` gets the
-/// names of all files of the folder; after an error, the names that are known by then. A row that
-/// is no such row, and a distance or a pairs.txt without a pair, are errors.
+/// fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError, also for a
+/// distance or a pairs.txt without a pair. `dataset` gets the name of the set and those of all
+/// files of the folder; after an error, the names that are known by then.
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart,
-                                    std::vector<std::string>& read);
+                                    Dataset& dataset);
 
 /// The result of one method for one pair.
 struct PoseScore {

@@ -18,6 +18,7 @@ from sequence import add_sequence
 
 RATIOS = [round(0.1 * i, 1) for i in range(1, 10)]
 GMS_FACTORS = list(range(1, 10))
+ENDINGS = [".ppm", ".pgm", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"]
 PICTURE_WIDTH = 1400  # px
 
 
@@ -144,7 +145,7 @@ def add_figure_12(document, measured):
 
 def find_pair(folder, pair):
     """The files of the two images of pair "1-k" in an Oxford folder."""
-    return [sorted(folder.glob(f"img{k}.p?m"))[0] for k in pair.split("-")]
+    return [next(path for path in images_in(folder) if path.stem == f"img{k}") for k in pair.split("-")]
 
 
 def add_match_pictures(document, tools, folders):
@@ -211,23 +212,28 @@ def add_warps(document, tools, arguments):
         add_accuracy(document, measured, "Exact warps", "warps", 1)
 
 
+def images_in(folder):
+    """The images that ktgp_evaluate finds in a folder; of those with the same name, the one that it uses is first."""
+    images = [path for path in folder.glob("*") if path.suffix.lower() in ENDINGS]
+    return sorted(images, key=lambda path: ENDINGS.index(path.suffix.lower()))
+
+
 def image_sets(paths):
     """Name and folder of every image set that is one of `paths` or a folder directly in one of them."""
     folders = {}
     for path in map(pathlib.Path, paths):
         for folder in [path, *sorted(p for p in path.glob("*") if p.is_dir())]:
-            if list(folder.glob("img1.*")):
+            if any(image.stem == "img1" for image in images_in(folder)):
                 folders.setdefault(folder.resolve().name.lower(), folder)
     return folders
 
 
 def image_folders(paths):
     """The folders with images that are one of `paths` or directly in one of them."""
-    endings = (".ppm", ".pgm", ".png", ".jpg", ".jpeg")
     found = []
     for path in map(pathlib.Path, paths):
         for folder in [path, *sorted(p for p in path.glob("*") if p.is_dir())]:
-            if folder.is_dir() and any(p.suffix in endings for p in folder.iterdir()):
+            if images_in(folder):
                 found.append(folder)
     return found
 

@@ -29,7 +29,8 @@ class Measured:
     """The rows of ktgp_evaluate by set, pair and method."""
 
     def __init__(self, results):
-        self.rows = {(r["set"].lower(), r["pair"], r["method"]): r for r in results}
+        # Of sets whose names differ in their case, the first counts, as in image_sets.
+        self.rows = {(r["set"].lower(), r["pair"], r["method"]): r for r in reversed(results)}
 
     def has(self, method):
         """Whether all pairs of both sets were measured."""

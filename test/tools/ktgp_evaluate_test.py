@@ -112,6 +112,7 @@ class KtgpEvaluate(ToolCase):
                                (x * x + y * y) ** 0.5 * 480 / HEIGHT, delta=1.5)
 
         self.evaluate("--hpatches", "h", "--longest-side", 100, code=2)
+        self.evaluate("--hpatches", "h/v_talent", code=1, words="--hpatches leaves out all of these sequences")
 
     @unittest.skipUnless(os.path.isdir(DOGMAN), "no sequence of HPatches")
     def test_a_sequence_of_hpatches(self):
@@ -152,6 +153,46 @@ class KtgpEvaluate(ToolCase):
         for name in ("img2", "img3.pgm", "H1to4p", "missing"):
             self.assertIn(name, run.stderr)
         self.assertEqual(len(self.json()["problems"]), 4)
+
+    def test_a_set_has_the_images_and_names_that_are_there(self):
+        """Six images or more, with any usual ending; images without a truth, and what is no set, are named."""
+        first = self.folder / "data/first"
+        for k, ending in ((2, "PGM"), (3, "TIF"), (4, "bmp"), (5, "tiff"), (7, "pgm"), (8, "pgm")):
+            cv2.imwrite(str(first / "new.pgm"), window(picture(), 20, 20))
+            cv2.imwrite(str(first / ("new." + ending.lower())), window(picture(), 20, 20))
+            (first / f"img{k}.pgm").unlink(missing_ok=True)
+            (first / ("new." + ending.lower())).rename(first / f"img{k}.{ending}")
+        shutil.copy(first / "H1to2p", first / "H1to7p")
+        (self.folder / "data/extreme/h").mkdir(parents=True)
+        for part in "12":
+            (self.folder / "data/extreme" / part).mkdir()
+            for name in "ab":
+                write_pgm(self.folder / f"data/extreme/{part}/{name}.pgm", picture())
+        self.write("data/extreme/h/a.txt", translation(0, 0))
+        (self.folder / "data/points").mkdir()
+        for name in ("aA", "aB", "bA", "bB"):
+            write_pgm(self.folder / f"data/points/{name}.pgm", picture())
+        self.write("data/points/a.points", "0 0 0 0\n200 0 200 0\n0 200 0 200\n200 200 200 200\n")
+        for name in (".git", "photos"):
+            (self.folder / "data" / name).mkdir()
+        run, rows = self.rows("data", "--methods", "KT", code=1)
+        self.assertEqual([f'{r["set"]} {r["pair"]}' for r in rows],
+                         ["extreme a", "first 1-2", "first 1-3", "first 1-4", "first 1-5", "first 1-6", "first 1-7",
+                          "points a"])
+        self.assertEqual([line.split(": ")[1:3] for line in run.stderr.splitlines()],
+                         [["data/extreme/h/b.txt", "is missing"], ["data/first/H1to8p", "is missing"],
+                          ["data/points/b.points", "is missing"], ["data/photos", run.stderr.split("photos: ")[1].split(
+                              ": ")[0].splitlines()[0]]])
+
+    def test_two_folders_with_the_same_name_are_two_sets(self):
+        shutil.copytree(self.folder / "data", self.folder / "other")
+        shutil.copy(self.folder / "data/first/img2.pgm", self.folder / "data/first/img1.pgm")
+        _, rows = self.rows("data", "other", "--methods", "KT")
+        self.assertEqual([r["set"] for r in rows], 5 * ["first"] + 5 * ["other/first"])
+        for options in ((), ("--two-view",)):
+            self.write("data/first/cameras.txt", 2 * f"img1.pgm {CAMERA} 1 0 0 0 1 0 0 0 1 0 0 0\n")
+            self.evaluate("data/first", "other/../data/first", *options, code=2,
+                          words="other/../data/first is given twice")
 
     def test_annotated_points_on_a_line_are_named_and_the_rest_goes_on(self):
         (self.folder / "annotated").mkdir()

@@ -17,7 +17,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 try:
     import matplotlib  # noqa: F401  pylint: disable=unused-import
-    import PIL  # noqa: F401  pylint: disable=unused-import
+    import PIL.Image
     DRAWING = True
 except ImportError:
     DRAWING = False
@@ -94,8 +94,13 @@ class Report(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.output = pathlib.Path(cls.folder.name) / "report"
         data = pathlib.Path(DATA) / "oxford"
+        leuven = pathlib.Path(cls.folder.name) / "leuven"  # with another ending
+        shutil.copytree(data / "leuven", leuven)
+        for image in leuven.glob("img*"):
+            PIL.Image.open(image).save(image.with_suffix(".BMP"), "BMP")
+            image.unlink()
         subprocess.run([sys.executable, "-B", ROOT / "scripts/report", "--tools",
-                        TOOLS, "--data", data / "leuven", "--data",
+                        TOOLS, "--data", leuven, "--data",
                         data / "bikes", "--output", cls.output, "--repeat", "1", "--warp-pairs", "2", "--methods",
                         "ORB,ORB+RANSAC,KT,KTG,KTGP"], check=True, stdout=subprocess.DEVNULL)
         cls.text = (cls.output / "index.html").read_text(encoding="utf-8")
