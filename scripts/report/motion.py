@@ -77,6 +77,11 @@ class Truth:
             if (each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')) == (ground, base):
                 t, q = each.transform.translation, each.transform.rotation
                 rows.append([each.header.stamp.to_sec(), t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+        usable = [row for row in rows if np.isfinite(row).all() and np.any(row[4:])]
+        if len(usable) < len(rows):
+            print(f'evaluate: {len(rows) - len(usable)} of {len(rows)} transforms from {ground} to {base} are no poses '
+                  '(not finite, or a quaternion of zeros) and are left out', file=sys.stderr)
+        rows = usable
         if len(rows) < 10:
             refuse(f'{bag} has {len(rows)} transforms from {ground} to {base} on /tf; expected the true motion, see '
                    '--ground and --base')
@@ -126,8 +131,8 @@ def drift(track, seconds):
     for i in range(0, len(track), step):
         time, true, found = track[i]
         later = [each for each in track[i:] if each[0] - time <= seconds]
-        if later[-1][0] - time < 0.9 * seconds:
-            break
+        if later[-1][0] - time < 0.9 * seconds:  # a gap, or the end
+            continue
         way = sum(np.linalg.norm(b[1][0] - a[1][0]) for a, b in zip(later, later[1:]))
         turn = rotation(np.array([0.0, 0.0, yaw_of(found[1]) - yaw_of(true[1])]))
         error = later[-1][2][0] - found[0] - turn @ (later[-1][1][0] - true[0])

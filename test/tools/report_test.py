@@ -1,5 +1,6 @@
 """The report: its tables compared with the known figures, and its HTML in a browser."""
 import html.parser
+import math
 import os
 import pathlib
 import re
@@ -9,9 +10,12 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
 from tool_case import TOOLS, FolderCase
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "scripts/report"))
+import motion  # noqa: E402  pylint: disable=wrong-import-position
 DATA = os.environ.get("KTGP_ORB_DATA", "")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -24,7 +28,7 @@ except ImportError:
 try:
     import rosbag
     import rospy
-    from geometry_msgs.msg import TransformStamped
+    from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
     from tf2_msgs.msg import TFMessage
     ROS = True
 except ImportError:
@@ -220,14 +224,7 @@ class MotionOfBrokenData(FolderCase):
     def setUp(self):
         super().setUp()
         self.bag = self.folder / "flight.bag"
-        with rosbag.Bag(str(self.bag), "w", chunk_threshold=1000) as bag:
-            for i in range(200):
-                pose = TransformStamped()
-                pose.header.stamp = rospy.Time.from_sec(1 + 0.01 * i)
-                pose.header.frame_id, pose.child_frame_id = "ground", "base_link"
-                pose.transform.translation.x, pose.transform.translation.z = 0.001 * i, 0.01 * i
-                pose.transform.rotation.w = 1
-                bag.write("/tf", TFMessage([pose]), pose.header.stamp)
+        self.write_bag(200)
         tool = self.folder / "ktgp_bag"
         tool.write_text("""#!/bin/sh
 [ "$CODE" -lt 2 ] || exit "$CODE"
@@ -238,6 +235,18 @@ for i in 5 6 7 8; do echo "2.$i,,"; done >> "$2"
 exit "$CODE"
 """)
         tool.chmod(0o755)
+
+    def write_bag(self, count, *broken):
+        with rosbag.Bag(str(self.bag), "w", chunk_threshold=1000) as bag:
+            for i in range(count):
+                pose = TransformStamped()
+                pose.header.stamp = rospy.Time.from_sec(1 + 0.01 * i)
+                pose.header.frame_id, pose.child_frame_id = "ground", "base_link"
+                pose.transform.translation.x, pose.transform.translation.z = 0.001 * i, 0.01 * i
+                pose.transform.rotation.w = 1
+                for transform in [pose.transform, *broken] if i == 3 else [pose.transform]:
+                    pose.transform = transform
+                    bag.write("/tf", TFMessage([pose]), pose.header.stamp)
 
     def evaluate(self, bag, of_tool=0, options=(), **expected):
         run = self.run_program(sys.executable, "-B", ROOT / "scripts/report/motion.py", "--tools", self.folder,
@@ -266,6 +275,24 @@ exit "$CODE"
         self.assertEqual(whole.stderr, "")
         part = self.evaluate(self.bag, 1, code=1, words="could not use all of the data")
         self.assertEqual(part.stdout, whole.stdout)
+
+    def test_a_pose_that_is_none_is_left_out_and_counted(self):
+        whole = self.evaluate(self.bag).stdout
+        of_zeros = Transform()  # its quaternion
+        no_place = Transform(Vector3(math.nan, 0, 0), Quaternion(0, 0, 0, 1))
+        self.write_bag(200, of_zeros, no_place)
+        found = self.evaluate(self.bag, words="2 of 202 transforms from ground to base_link are no poses")
+        self.assertEqual(found.stdout, whole)
+        self.write_bag(9, of_zeros, no_place)
+        self.evaluate(self.bag, code=2, words="has 9 transforms")
+
+    def test_a_gap_does_not_end_the_measurement_of_the_drift(self):
+        """The position is right for 30 s and then drifts by a fifth of the way; there is no answer from 22 to 25 s."""
+        track = []
+        for time in [i / 10 for i in range(1000) if not 220 < i < 250]:
+            off = 0.4 * max(0, time - 30)
+            track.append((time, (np.array([2 * time, 0, 10]), np.eye(3)), (np.array([2 * time, off, 10]), np.eye(3))))
+        self.assertAlmostEqual(motion.drift(track, 10), 0.2, places=3)
 
     def test_no_default_overrides_an_option_of_the_user(self):
         names = "--reference_mode", "--guided", "--gms_grid", "--motion_normal_source"
