@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -42,10 +43,16 @@ struct Source {
   std::vector<Label> labels;
 };
 
+/// Throws std::invalid_argument.
 Points pointsOf(const json& rows) {
   Points points;
-  for (const json& row : rows)
-    points.emplace_back(row.at(0).get<double>(), row.at(1).get<double>());
+  const auto is_point = [](const json& row) {
+    return row.is_array() && row.size() == 2 && row[0].is_number() && row[1].is_number();
+  };
+  if (!rows.is_array() || !std::all_of(rows.begin(), rows.end(), is_point)) {
+    throw std::invalid_argument("has points that are no list of [x, y]; expected [[x, y], ...]");
+  }
+  for (const json& row : rows) points.emplace_back(row[0].get<double>(), row[1].get<double>());
   return points;
 }
 
@@ -84,18 +91,24 @@ std::size_t numberOf(const std::string& text) {
   return number;
 }
 
-/// Throws std::invalid_argument, json::exception.
+/// Throws std::invalid_argument.
 Label labelOf(const json& entry) {
   Label label;
-  label.on_target = pointsOf(entry.at("target"));
-  if (label.on_target.empty()) throw std::invalid_argument("has no points on the target");
-  if (entry.contains("image") && entry.contains("frames")) {
-    throw std::invalid_argument("has \"image\" and \"frames\"; expected one of them");
+  const bool is_image = entry.contains("image");
+  if (!entry.contains("target") || is_image == entry.contains("frames") ||
+      entry.size() != 2 + entry.count("note") || !(is_image || entry["frames"].is_object())) {
+    throw std::invalid_argument(
+        "is not {\"target\": points, \"image\": points} or {\"target\": points, \"frames\": "
+        "{\"NUMBER\": points, ...}}, with a \"note\" or without");
   }
-  if (entry.contains("image")) label.in_frame[0] = pointsOf(entry["image"]);
-  const json frames = entry.value("frames", json::object());
-  for (const auto& [number, points] : frames.items()) {
-    label.in_frame[numberOf(number)] = pointsOf(points);
+  label.on_target = pointsOf(entry["target"]);
+  if (label.on_target.empty()) throw std::invalid_argument("has no points on the target");
+  if (is_image) {
+    label.in_frame[0] = pointsOf(entry["image"]);
+  } else {
+    for (const auto& [number, points] : entry["frames"].items()) {
+      label.in_frame[numberOf(number)] = pointsOf(points);
+    }
   }
   for (const auto& [number, points] : label.in_frame) {
     if (points.empty() || points.size() == label.on_target.size()) continue;
@@ -133,21 +146,39 @@ void add(const std::string& folder, const std::string& key, const json& entry,
   rows.push_back(std::move(row));
 }
 
+/// Throws std::invalid_argument if an object has a key twice, of which the parser would keep one.
+json parseWithoutTwins(std::istream& in) {
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  return json::parse(in, [&](int /*depth*/, json::parse_event_t event, json& parsed) {
+    if (event == json::parse_event_t::object_start) keys.emplace_back();
+    if (event == json::parse_event_t::object_end) keys.pop_back();
+    if (event == json::parse_event_t::key && !keys.back().insert(parsed).second) {
+      throw std::invalid_argument("has the key " + parsed.dump() + " twice");
+    }
+    return true;
+  });
+}
+
 std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searched) {
   const std::string file = (fs::path(folder) / "labels.json").string();
   files::requireRegularFile(file);
   std::vector<Source> sources;
   try {
     std::ifstream in(file);
-    const json labels = json::parse(in);
+    const json labels = parseWithoutTwins(in);
+    if (!labels.is_object() || labels.empty()) {
+      throw std::invalid_argument("names no target; expected {\"TARGET IMAGE\": {...}, ...}");
+    }
     for (const auto& [key, entry] : labels.items()) {
       try {
         add(folder, key, entry, sources, searched.rows);
       } catch (const std::invalid_argument& error) {
-        throw files::FileError(file, '"' + key + "\" " + error.what());
+        throw std::invalid_argument('"' + key + "\" " + error.what());
       }
     }
   } catch (const json::exception& error) {
+    throw files::FileError(file, error.what());
+  } catch (const std::invalid_argument& error) {
     throw files::FileError(file, error.what());
   }
   return sources;
@@ -350,6 +381,7 @@ LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOpti
     }
     if (number == 0) {
       searched.problems.push_back(file + ": cannot be read as a video");
+      for (const Label& label : source.labels) searched.rows[label.row].frames = 0;
     } else {
       dropLabelsBeyond(source, number, searched);
     }

@@ -41,9 +41,10 @@ struct LabelledTargets {
 
 /// Searches for all targets of FOLDER/labels.json in all its photographs and videos. The file is an
 /// object with `"TARGET IMAGE": {"target": points, "image": points}` for a photograph and
-/// `"TARGET VIDEO": {"target": points, "frames": {"NUMBER": points, ...}}` for a video. Points are
-/// [x, y] in px, origin at the centre of the top-left pixel; `[]`: the target is not in the image.
-/// Labels beyond the end of a video are problems. Throws files::FileError.
+/// `"TARGET VIDEO": {"target": points, "frames": {"NUMBER": points, ...}}` for a video, and may
+/// have a "note". Points are [x, y] in px, origin at the centre of the top-left pixel; `[]`: the
+/// target is not in the image. Labels beyond the end of a video, and a video that cannot be read,
+/// are problems and do not count. Throws files::FileError.
 LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOptions& options);
 
 /// A table for the terminal.

@@ -133,8 +133,28 @@ TEST_F(DrawnFrames, LabelsThatCannotBeUsedAreNamed) {
                   std::string("\"a.png video.avi\" has a frame \"") + number + '"');
   }
   expectRefused(begin + R"(, "frames": {"1": [[1, 2]]}}})", "has 1 points in frame 1; expected 4");
-  expectRefused(begin + R"(, "image": [], "frames": {}}})", "expected one of them");
-  expectRefused(begin + R"(}, "a.jpg scene.png": {)" + target_ + "}}", "differ before");
+  const std::string other =
+      R"(, "frames": {}}, "a.jpg scene.png": {)" + target_ + R"(, "image": []}})";
+  expectRefused(begin + other, "differ before");
+  const std::string no_label =
+      "\"a.png video.avi\" is not {\"target\": points, \"image\": points} or";
+  const std::string no_point = "\"a.png video.avi\" has points that are no list of [x, y]";
+  for (const auto& [rest, words] : std::vector<std::pair<std::string, std::string>>{
+           {R"(, "image": [], "frames": {}}})", no_label},
+           {"}}", no_label},
+           {R"(, "frmaes": {"0": []}}})", no_label},
+           {R"(, "frames": {"0": []}, "image ": []}})", no_label},
+           {R"(, "frames": []}})", no_label},
+           {R"(, "image": null}})", no_point},
+           {R"(, "image": [100, 60, 120, 90]}})", no_point},
+           {R"(, "image": [[100, 60, 120, 90]]}})", no_point},
+           {R"(, "image": [["100", 60]]}})", no_point},
+           {R"(, "image": [], "image": []}})", "has the key \"image\" twice"},
+           {R"(, "image": []}, "a.png video.avi": {}})",
+            "has the key \"a.png video.avi\" twice"}}) {
+    expectRefused(begin + rest, words);
+  }
+  for (const char* nothing : {"{}", "[]", "1"}) expectRefused(nothing, "names no target");
   expectRefused("{\"a.png\": {" + target_ + "}}", "is not \"TARGET IMAGE\"");
   expectRefused("{", "parse");
 }
@@ -148,6 +168,15 @@ TEST_F(DrawnFrames, LabelBeyondTheVideoIsNamedAndIgnored) {
                    "\"a.png video.avi\" has a label for frame 9999, and the video has 6 frames");
   EXPECT_EQ(answer.rows[0].frames, 1U);
   EXPECT_EQ(answer.rows[0].found[0], 1U);
+}
+
+TEST_F(DrawnFrames, AVideoThatCannotBeReadIsNamedAndDoesNotCount) {
+  std::ofstream(folder_ + "/none.avi") << "no video";
+  const LabelledTargets answer =
+      searched(R"({"a.png none.avi": {)" + target_ + R"(, "frames": {"0": )" + there_ + "}}}");
+  ASSERT_EQ(answer.problems.size(), 1U);
+  test::expectSays(answer.problems[0], "none.avi: cannot be read as a video");
+  EXPECT_EQ(answer.rows[0].frames, 0U);
 }
 
 TEST(TargetFrames, UnusableLabelFileIsRefused) {
