@@ -218,16 +218,22 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->capture_default_str();
   app.add_flag("--list-methods", arguments.list_methods, "list the methods and exit");
   const char* const warps = "Warps";
-  app.add_option("--warps", arguments.warps,
-                 "make pairs from images: tiny, small, medium, large or extreme, or several "
-                 "separated by commas")
-      ->type_name("NAMES")
-      ->group(warps);
+  CLI::Option* const warped =
+      app.add_option("--warps", arguments.warps,
+                     "make pairs from images: tiny, small, medium, large or extreme, or several "
+                     "separated by commas")
+          ->type_name("NAMES")
+          ->group(warps);
+  for (const char* unused : {"--longest-side", "--hpatches"}) {
+    warped->excludes(app.get_option(unused));
+  }
   app.add_option("--warp-pairs", arguments.warp_pairs, "pairs of each kind; half are degraded")
+      ->needs(warped)
       ->check(tools::wholeNumberIn(1, 1000000))
       ->capture_default_str()
       ->group(warps);
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
+      ->needs(warped)
       ->capture_default_str()
       ->group(warps);
   // The evaluation of two views has a table of its own, which does not use these options.

@@ -30,7 +30,8 @@ struct Arguments {
   PipelineOptions pipeline;
 };
 
-void printSequence(const SequenceScore& score) {
+/// `window`: see SequenceEvaluator.
+void printSequence(const SequenceScore& score, int window) {
   std::size_t found = 0;
   double ratio = 0.0;
   std::vector<double> errors;
@@ -59,22 +60,28 @@ void printSequence(const SequenceScore& score) {
     std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);
   }
   if (errors.empty()) return;
-  std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
-              metrics::summarize(errors).mean, metrics::summarize(drift).mean);
+  std::printf(
+      "corner error from frame to frame: %.3f px; mean drift after 1 to %zu frames: %.2f px\n",
+      metrics::summarize(errors).mean,
+      window > 0 ? static_cast<std::size_t>(window) : errors.size(),
+      metrics::summarize(drift).mean);
 }
 
-int evaluateBag(const Arguments& arguments) {
+/// `needs_truth`: the option --truth-topic is given.
+int evaluateBag(const Arguments& arguments, bool needs_truth) {
   SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
                               arguments.drift_window);
   tools::ProgressBar progress(0);
+  bool has_truth = false;
   const std::string damage =
       readBag(arguments.bag, arguments.topic, arguments.truth_topic,
               [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
                 evaluator.addFrame(stamp, image, truth);
+                has_truth |= truth.has_value();
                 progress.advance("frames of " + arguments.bag);
               });
   const SequenceScore score = evaluator.score();
-  if (!files::isStandardOutput(arguments.json)) printSequence(score);
+  if (!files::isStandardOutput(arguments.json)) printSequence(score, arguments.drift_window);
   if (!arguments.json.empty()) {
     const nlohmann::json out{{"sequence", toJson(score)},
                              {"bag", arguments.bag},
@@ -83,7 +90,14 @@ int evaluateBag(const Arguments& arguments) {
                              {"options", tools::toJson(arguments.pipeline)}};
     files::writeText(arguments.json, tools::textOf(out, 1), arguments.force);
   }
-  if (damage.empty()) return tools::kExitDone;
+  const bool misses_truth = needs_truth && !has_truth;
+  if (misses_truth) {
+    std::fprintf(stderr,
+                 "ktgp_evaluate_bag: %s has no homography (ktgp_orb/HomographyStamped) between two "
+                 "successive images of %s on %s, so that no error is known\n",
+                 arguments.bag.c_str(), arguments.topic.c_str(), arguments.truth_topic.c_str());
+  }
+  if (damage.empty()) return misses_truth ? tools::kExitUnusedData : tools::kExitDone;
   std::fprintf(stderr, "ktgp_evaluate_bag: %s: %s\n", arguments.bag.c_str(), damage.c_str());
   return tools::kExitUnusedData;
 }
@@ -95,7 +109,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "true homographies from frame to frame (ktgp_orb/HomographyStamped), where known")
       ->capture_default_str();
   app.add_option("--drift-window", arguments.drift_window,
-                 "frames over which homographies are multiplied, 0 = all")
+                 "most frames over which homographies are multiplied, 0 = all")
       ->check(tools::wholeNumberIn(0, 1000000))
       ->capture_default_str();
   app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")
@@ -122,7 +136,7 @@ int run(int argc, char** argv) {
   tools::planOutputs(app, arguments.force).write(arguments.json);
   tools::exitWhenInterrupted();
   cv::setNumThreads(1);
-  return evaluateBag(arguments);
+  return evaluateBag(arguments, app.count("--truth-topic") > 0);
 }
 
 }  // namespace

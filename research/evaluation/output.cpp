@@ -343,9 +343,10 @@ std::string toTable(const std::vector<SetSummary>& summaries) {
           "method", "matches", "kept", "correct", "precision", "error px", "AUC@1", "@3", "@5",
           "@10", "median", "found", "wrong", "ZNCC", "true/p", "e'S^-1e", "99.9%", "ms");
     }
-    out +=
-        format("%-12s %8.1f %5.1f%% %8.1f %8.1f%% %8.2f | ", s.method.c_str(), s.matches,
-               100.0 * s.retention, s.correct, 100.0 * s.precision[2], s.reprojection_error.mean);
+    out += format("%-12s %8.1f %5.1f%% %8.1f %8.1f%% ", s.method.c_str(), s.matches,
+                  100.0 * s.retention, s.correct, 100.0 * s.precision[2]);
+    const bool has_error = s.reprojection_error.count > 0;
+    out += has_error ? format("%8.2f | ", s.reprojection_error.mean) : format("%8s | ", "-");
     out += toColumns(s.accuracy) + format(" | %8.2f\n", s.total_milliseconds);
   }
   return out;

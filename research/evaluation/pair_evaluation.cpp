@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "evaluation/overlap.h"
+#include "evaluation/rendering.h"
 #include "evaluation/truth_points.h"
 #include "files/input.h"
 #include "homography/transform.h"
@@ -73,6 +74,19 @@ void resize(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, Ima
     p.reference = (reference * p.reference.homogeneous()).head<2>();
     p.target = (target * p.target.homogeneous()).head<2>();
   }
+}
+
+/// Throws FileError if the truth cannot be that of these images.
+void requireOverlap(const ImagePair& pair, const cv::Size& reference, const cv::Size& target) {
+  constexpr int kSteps = 50;
+  for (int i = 0; i < kSteps * kSteps; ++i) {
+    const Eigen::Vector2d at = homography::project(
+        pair.homography, {(reference.width - 1.0) * (i % kSteps) / (kSteps - 1),
+                          (reference.height - 1.0) * (i / kSteps) / (kSteps - 1)});
+    if (isInside(target, at.x(), at.y())) return;
+  }
+  throw files::FileError(pair.reference, "the true homography maps no point of it into " +
+                                             pair.target + "; expected that from A to B, px");
 }
 
 CornerConsistency cornerConsistency(const UncertainHomography& found, const Eigen::Matrix3d& truth,
@@ -141,6 +155,7 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
       cv::Mat target = files::readGrey(pair.target);
       const Eigen::Matrix3d of_reference = resize(size_, reference);
       resize(of_reference, resize(size_, target), score.pair);
+      requireOverlap(score.pair, reference.size(), target.size());
       evaluateImages(reference, target, score);
     }
   } catch (const files::FileError& error) {

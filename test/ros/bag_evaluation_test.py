@@ -155,6 +155,11 @@ class BagEvaluationTest(FolderCase):
                                 '/camera/range is of type sensor_msgs/Range; expected sensor_msgs/Imu')):
             self.motion(BAG, *options, code=2, words=words)
 
+    def test_a_topic_without_the_truth_is_said(self):
+        for topic in '/typo', '/camera/imu':
+            self.run_program(TOOL, BAG, '--truth-topic', topic, '--topic', '/camera/image_raw', code=1,
+                             words=' between two successive images of /camera/image_raw on ' + topic)
+
     def test_a_missing_bag_is_named(self):
         self.run_program(TOOL, 'no_such.bag', code=2, words='no_such.bag')
 

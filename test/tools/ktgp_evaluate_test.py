@@ -194,6 +194,18 @@ class KtgpEvaluate(ToolCase):
             self.evaluate("data/first", "other/../data/first", *options, code=2,
                           words="other/../data/first is given twice")
 
+    def test_a_truth_that_maps_nothing_into_the_other_image_is_a_problem(self):
+        self.write("data/first/H1to3p", translation(WIDTH + 1, 0))
+        _, rows = self.rows("data", "--methods", "KT", code=1,
+                            words="first/img1.pgm: the true homography maps no point of it into data/first/img3.pgm")
+        self.assertEqual([r["pair"] for r in rows], ["1-2", "1-4", "1-5", "1-6"])
+
+    def test_without_a_match_there_is_no_error(self):
+        for k in SHIFTS:
+            write_pgm(self.folder / f"data/first/img{k}.pgm", np.full((HEIGHT, WIDTH), 128, np.uint8))
+        run = self.evaluate("data", "--methods", "KT")
+        self.assertRegex(run.stdout, r"KT +0\.0 +0\.0% +0\.0 +0\.0% +- \|")
+
     def test_annotated_points_on_a_line_are_named_and_the_rest_goes_on(self):
         (self.folder / "annotated").mkdir()
         for name, points in (("line", ((0, 0), (50, 25), (100, 50), (200, 100), (30, 90))),
@@ -254,6 +266,10 @@ class KtgpEvaluate(ToolCase):
                                 (("--estimator", "best"), "best"),
                                 (("--jobs", "0"), "--jobs"),
                                 (("--T_w", "2"), "[0, 1]"),
+                                (("--warps", "small", "--hpatches"), "excludes"),
+                                (("--warps", "small", "--longest-side", "100"), "excludes"),
+                                (("--warp-pairs", "4"), "requires --warps"),
+                                (("--warp-seed", "4"), "requires --warps"),
                                 (("--json", "no/folder.json"), "no/folder.json")):
             self.evaluate("data", *arguments, code=2, words=text)
         self.evaluate(code=2)

@@ -1,5 +1,6 @@
 """The report: its tables compared with the known figures, and its HTML in a browser."""
 import html.parser
+import json
 import math
 import os
 import pathlib
@@ -215,6 +216,28 @@ class ReportOfBrokenData(FolderCase):
                                    "nowhere", "--output", output, code=2,
                                    words=f"evaluate: --output {output} cannot be written: Not a directory")
             self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
+
+
+class CompareBenchmarks(FolderCase):
+    def compare(self, new, code, words="", prints=""):
+        self.write("old.json", json.dumps({"machine": "any", "rows": [
+            {"name": name, "median": 1.0, "noise": 0.0, "unit": "ms"} for name in ("first", "second")]}))
+        self.write("new.json", json.dumps(new))
+        run = self.run_program(sys.executable, "-B", ROOT / "scripts/bench", "--compare", "old.json", "new.json",
+                               code=code, words=words, prints=prints)
+        self.assertNotIn("Traceback", run.stderr)
+
+    def test_what_is_gone_or_cannot_be_compared_is_no_success(self):
+        first, second, third = ({"name": name, "median": 1.01, "noise": 0.0, "unit": "ms"}
+                                for name in ("first", "second", "third"))
+        self.compare({"machine": "any", "rows": [first, second]}, 0, prints="0 of 2 benchmarks changed")
+        self.compare({"machine": "any", "rows": [first, third]}, 1, prints="gone: second\nnew: third")
+        failed = {"name": "second", "error": "out of memory"}
+        self.compare({"machine": "any", "rows": [first, failed]}, 1, prints="gone: second")
+        self.compare({"machine": "any", "rows": [dict(first, median=2.0), second]}, 1, prints="1 of them are slower")
+        self.compare({"machine": "any", "rows": [third]}, 2, words="old.json and new.json have no benchmark in common")
+        for other in ({"rows": [first]}, [], {"context": {}, "benchmarks": []}):
+            self.compare(other, 2, words="new.json is not written by scripts/bench")
 
 
 @unittest.skipUnless(ROS, "python3-rosbag is not installed: scripts/evaluate --motion needs ROS")
