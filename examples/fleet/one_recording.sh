@@ -23,7 +23,11 @@ fi
 recording=$(realpath -ms -- "$row") name=$(realpath -ms --relative-base="$PWD" -- "$row")
 folder=$2/$name
 shift 2
-command -v ktgp_bag >/dev/null || ktgp_bag() { rosrun ktgp_orb ktgp_bag "$@"; }
-mkdir -p -- "$folder"
-cd -- "$folder"
-ktgp_bag --skip_finished --force "$recording" matched.bag "$@"
+# A row that is no file is a pattern; the name of this folder in front of it is none.
+# shellcheck disable=SC2001
+if [ ! -e "$recording" ] && [[ $row != /* ]]; then recording=$(sed 's/[][*?\\]/\\&/g' <<<"$PWD")/$row; fi
+program=(ktgp_bag)
+command -v ktgp_bag >/dev/null || program=(rosrun ktgp_orb ktgp_bag)
+mkdir -p -- "$folder" && cd -- "$folder" || exit 2
+# With exec, a signal to this script reaches the program.
+exec "${program[@]}" --skip_finished --force "$recording" matched.bag "$@"

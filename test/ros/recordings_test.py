@@ -455,6 +455,28 @@ class ManyRecordingsTest(RecordingCase):
             self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
         self.assertEqual(os.listdir(self.folder), [])
 
+    def test_a_pattern_is_not_read_into_the_name_of_this_folder(self):
+        for folder, count in (('day[1]', 4), ('day1', 6)):
+            os.makedirs(self.path(folder, 'images'))
+            for i, picture in enumerate(pictures(count)):
+                cv2.imwrite(self.path(folder, 'images', '%d.png' % i), picture)
+        self.one('images/*.png', 'results', *FEW, cwd=self.path('day[1]'), words='4 images of')
+        self.one('../day1/images/*.png', 'results', *FEW, cwd=self.path('day[1]'), words='6 images of')
+
+    def test_a_folder_that_cannot_be_made_has_the_exit_code_of_no_results(self):
+        self.write('results', 'mine')
+        self.one('in.bag', 'results', code=2, words='results')
+
+    def test_the_end_of_the_script_is_that_of_its_program(self):
+        self.write_bag('in.bag', count=400)
+        run = self.start(self.ONE, 'in.bag', 'results', *FEW, env=self.environment)
+        while not glob.glob(self.path('results/in.bag/*unfinished*')) and run.poll() is None:
+            time.sleep(0.001)
+        run.send_signal(signal.SIGTERM)
+        _, err = run.communicate(timeout=300)
+        self.assertEqual(run.returncode, 130, err)
+        self.assertEqual(os.listdir(self.path('results/in.bag')), [])
+
     def test_a_list_of_windows_is_read(self):
         self.write_bag('in.bag')
         self.one('in.bag\r', 'results', '--features', '300')
