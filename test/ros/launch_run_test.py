@@ -190,6 +190,34 @@ class LaunchRunTest(FolderCase):
                                'delay:=100', cwd=self.path())
         self.check_that_a_second_is_refused(first, OwnMaster)
 
+    def test_the_mark_of_a_launch_that_has_ended_elsewhere_counts_only_while_a_clock_runs(self):
+        """Elsewhere: on another host, or in a container that has this host's name."""
+        master = self.master.handle
+        for host, old in (('elsewhere', ['not set']), (socket.gethostname() + ', pid:[1]', [False]),
+                          (socket.gethostname(), [])):
+            master.setParam('/ktgp_orb_plays_a_bag', [host, os.getpid(), 'its start'] + old)
+            master.setParam('/use_sim_time', bool(old))
+            launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=0')
+            self.assertIn('process[player', launch.wait(), host)
+            self.check_sim_time(False if old != ['not set'] else None)
+            wait_until(lambda: not master.hasParam('/ktgp_orb_plays_a_bag'), 'its mark is removed')
+        master.setParam('/ktgp_orb_plays_a_bag', ['elsewhere', 1, 'its start', False])
+        master.registerPublisher('/clock', 'rosgraph_msgs/Clock', 'http://localhost:1')
+        output = self.launch('demo.launch', 'bag:=' + self.bag).wait()
+        self.assertIn('process 1 on elsewhere plays a bag on this master already', output)
+        self.assertIn('If it has ended: rosparam delete /ktgp_orb_plays_a_bag', output)
+
+    def test_one_process_can_launch_two_bags_one_after_the_other(self):
+        self.run_program('/usr/bin/python3', '-c', """if True:
+            import roslaunch, sys
+            roslaunch.configure_logging('two')
+            for _ in range(2):
+                files = [(sys.argv[1], ['bag:=' + sys.argv[2], 'rviz:=false', 'delay:=0'])]
+                parent = roslaunch.parent.ROSLaunchParent('launch_run_test', files)
+                parent.start()
+                parent.spin()""", os.path.join(PACKAGE, 'launch/bag.launch'), self.bag, env=self.master.environment)
+        self.check_sim_time()
+
     def test_the_port_of_a_launch_is_seen_however_it_is_written(self):
         script = os.path.join(PACKAGE, 'scripts/keep_sim_time')
         keep = importlib.machinery.SourceFileLoader('keep_sim_time', script).load_module()
