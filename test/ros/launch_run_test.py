@@ -1,6 +1,7 @@
 """Runs the launch files, each with its own master: bag.launch plays the right topics and reports
 problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
+import contextlib
 import faulthandler
 import importlib.machinery
 import importlib.util
@@ -11,6 +12,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from unittest import mock
 from xmlrpc.client import ServerProxy
 
 import cv2
@@ -274,7 +276,7 @@ class LaunchRunTest(FolderCase):
 
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(self.path('target.png'), view(100, 100, 320, 240))
-        launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
+        launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false', 'delay:=0',
                              "set:={reference_mode: fixed, guided: true, reference_image: '%s'}" %
                              self.path('target.png').replace("'", "''"))
         output = launch.wait()
@@ -293,6 +295,7 @@ class LaunchRunTest(FolderCase):
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
+        self.assertNotIn('does not receive', output)  # although delay is 0
         # Only the images of the bag itself were played.
         self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
         lost = 'record: there are no results of'
@@ -309,10 +312,38 @@ class LaunchRunTest(FolderCase):
         with rosbag.Bag(self.path('slow.bag')) as bag:
             self.assertGreater(bag.get_message_count('/camera/matcher/statistics'), 0)
 
-    def test_images_without_results_are_counted(self):
+    @staticmethod
+    def play_bag():
+        """The script as a module."""
         loader = importlib.machinery.SourceFileLoader('play_bag', os.path.join(PACKAGE, 'scripts', 'play_bag'))
         play_bag = importlib.util.module_from_spec(importlib.util.spec_from_loader('play_bag', loader))
         loader.exec_module(play_bag)
+        return play_bag
+
+    def test_a_disk_that_is_nearly_full_is_refused_before_playing(self):
+        play_bag = self.play_bag()
+        for free in (2 ** 30 - 1, 2 ** 30):
+            with mock.patch('shutil.disk_usage', return_value=mock.Mock(free=free)), contextlib.ExitStack() as stack:
+                if free < 2 ** 30:
+                    stack.enter_context(self.assertRaisesRegex(play_bag.Unusable, 'record: 1.07 GB are free in'))
+                play_bag.Player.recording(mock.Mock(path=lambda _: self.path('new.bag')))
+
+    def test_the_player_ends_with_its_bag_however_it_is_killed(self):
+        def shut_down(node):
+            node.shutdown('/launch_run_test', 'by rosnode kill')
+
+        def kill(node):
+            os.kill(node.getPid('/launch_run_test')[2], signal.SIGKILL)
+        for end in (shut_down, kill):
+            launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true', 'delay:=0')
+            wait_until(lambda: '/clock' in dict(self.master.handle.getSystemState()[0]), launch.output)
+            end(ServerProxy(self.master.handle.lookupNode('/player')))
+            launch.wait()
+            wait_until(lambda: '/clock' not in dict(self.master.handle.getSystemState()[0]),
+                       lambda: 'rosbag ends: ' + launch.output(), timeout=15)
+
+    def test_images_without_results_are_counted(self):
+        play_bag = self.play_bag()
         with rosbag.Bag(self.path('lossy.bag'), 'w') as bag:
             for dropped, lost in ((0, 0), (2, 0), (2, 1)):
                 bag.write('/left/matcher/statistics', MatchStatistics(dropped_frames=dropped, lost_frames=lost))
