@@ -182,12 +182,15 @@ class LaunchFilesTest(unittest.TestCase):
     def test_results_are_in_the_namespace_of_the_topic(self):
         for name in ('bag.launch', 'tune.launch'):
             for topic, matcher in (('/cam/image_raw', '/cam/matcher'), ('/cam/image_raw/compressed', '/cam/matcher'),
-                                   ('/robot/front/image', '/robot/front/matcher'), ('/image_raw', '/camera/matcher')):
+                                   ('/robot/front/image', '/robot/front/matcher'), ('/image_raw', '/camera/matcher'),
+                                   ('cam/image_raw', '/cam/matcher')):
                 config = self.load(name, 'topic:=' + topic)
                 self.assertIn(matcher, [n.namespace + n.name for n in config.nodes], name)
                 rviz = next(n for n in config.nodes if n.name == 'rviz')
-                self.assertIn(['/camera/matcher/matches_image', matcher + '/matches_image'], rviz.remap_args)
-                self.assertIn(['/camera/image_raw', topic.replace('/compressed', '')], rviz.remap_args)
+                self.assertIn(['/camera/matcher/matches_image', matcher.lstrip('/') + '/matches_image'],
+                              rviz.remap_args)
+                image = '/' + topic.replace('/compressed', '').lstrip('/')
+                self.assertIn(['/camera/image_raw', image], rviz.remap_args)
 
     def test_views_of_a_live_camera(self):
         config = self.load('views.launch', 'namespace:=usb_cam', 'targets:=/posters')
@@ -209,7 +212,7 @@ class LaunchFilesTest(unittest.TestCase):
             got = {key: config.params['/player/' + key].value for key in known}
             self.assertEqual(got, known, name)
             self.assertEqual(config.params['/player/bag'].value, self.bag.name)
-            self.assertEqual(config.params['/player/matcher'].value, '/a/matcher')
+            self.assertEqual(config.params['/player/matcher'].value, 'a/matcher')
             self.assertIs(config.params['/player/loop'].value, True)
 
     def test_several_cameras_share_the_options_of_their_manager(self):

@@ -21,8 +21,8 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, FolderCase, Program, fake_package, free_port, image_message, own_master, view,
-                          wait_until)
+from ktgp_testing import (TIMEOUT, FolderCase, Program, fake_package, free_port, image_message, messages_of, own_master,
+                          view, wait_until)
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -264,15 +264,29 @@ class LaunchRunTest(FolderCase):
         self.assertIn('abc', output)
         self.assertNotIn('process[', output)
 
-    def test_an_absolute_bag_needs_no_pwd(self):
-        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1',
-                             'record:=' + self.path('new'), without='PWD')
-        output = launch.wait()
-        self.assertNotIn('RLException', output)
-        with rosbag.Bag(self.path('new.bag')) as bag:
-            self.assertIn('/camera/matcher/matches_image', bag.get_type_and_topic_info().topics)
-        launch = self.launch('bag.launch', "bag:=it's.bag", 'rviz:=false', without='PWD')
-        self.assertIn('is relative, and PWD is not set; expected an absolute name', launch.wait())
+    def test_relative_names_are_those_of_the_current_directory_and_not_of_pwd(self):
+        """A program that starts roslaunch elsewhere, or a service, has PWD of its own or none."""
+        os.mkdir(self.path('other'))
+        self.write('few.yaml', 'features: 300')
+        for name, environment in (('one', {'PWD': self.path('other')}), ('two', {'without': 'PWD'})):
+            launch = self.launch('bag.launch', "bag:=it's.bag", 'rviz:=false', 'delay:=1', 'record:=' + name,
+                                 'params:=few.yaml', **environment)
+            output = launch.wait()
+            self.assertTrue(messages_of(self.path(name + '.bag'), '/camera/matcher/matches_image'), output)
+            self.assertEqual(self.master.handle.getParam('/camera/matcher/features'), 300)
+
+    def test_a_bag_is_played_in_any_namespace_and_with_names_that_have_no_slash(self):
+        with rosbag.Bag(self.bag) as bag, rosbag.Bag(self.path('plain.bag'), 'w') as plain:
+            for _, message, stamp in bag.read_messages(['/camera/image_raw']):
+                plain.write('camera/image_raw', message, stamp)
+        for i, (matcher, bag, arguments, environment) in enumerate((
+                ('/front/matcher', self.bag, ['namespace:=/front'], {}),
+                ('/robot/camera/matcher', self.bag, [], {'ROS_NAMESPACE': 'robot'}),
+                ('/camera/matcher', 'plain.bag', ['topic:=camera/image_raw'], {}),
+                ('/camera/matcher', 'plain.bag', [], {}))):
+            launch = self.launch('bag.launch', 'bag:=' + bag, 'rviz:=false', 'record:=%d.bag' % i, *arguments, **environment)
+            output = launch.wait()
+            self.assertTrue(messages_of(self.path('%d.bag' % i), matcher + '/statistics'), output)
 
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(self.path('target.png'), view(100, 100, 320, 240))
@@ -412,8 +426,7 @@ class LaunchRunTest(FolderCase):
     def test_tune_plays_in_a_loop_with_rviz_and_says_what_is_missing(self):
         fake = self.with_fake('rviz', 'rviz')
         launch = self.launch('tune.launch', 'bag:=' + self.bag, 'namespace:=left', 'delay:=1', DISPLAY='', **fake)
-        self.assertIn('/camera/matcher/matches_image:=/left/matcher/matches_image',
-                      self.arguments_of(fake))
+        self.assertIn('/camera/matcher/matches_image:=left/matcher/matches_image', self.arguments_of(fake))
         self.assertTrue(launch.says('rqt_plot is not installed'), launch.output())
         self.assertTrue(launch.says('the sliders need a display'), launch.output())
         listener = subprocess.Popen(
