@@ -7,6 +7,7 @@ import sys
 import tempfile
 import unittest
 import xml.etree.ElementTree as xml
+from unittest import mock
 
 import roslaunch
 import yaml
@@ -126,15 +127,16 @@ class LaunchFilesTest(unittest.TestCase):
         def parameters(launch, *arguments):
             return {key: param.value for key, param in self.load(launch, *arguments).params.items()
                     if key.startswith('/camera/targets/')}
-        os.environ['PWD'] = os.getcwd()
         for launch in ('demo.launch', 'views.launch'):
             self.assertEqual(parameters(launch), {})
         self.assertEqual(parameters('targets.launch')['/camera/targets/targets'], '')
         for launch in ('demo.launch', 'views.launch', 'targets.launch'):
             for name in ('/a/l"i\\s t\'.yaml', '/12'):
                 self.assertEqual(parameters(launch, 'targets:=' + name)['/camera/targets/targets'], name)
-            self.assertEqual(parameters(launch, 'targets:=b.yaml')['/camera/targets/targets'],
-                             os.getcwd() + '/b.yaml')
+            with mock.patch.dict(os.environ, PWD='/elsewhere'):
+                for name in ('b.yaml', 'l"i\\s t\'$HOME.yaml'):
+                    self.assertEqual(parameters(launch, 'targets:=' + name)['/camera/targets/targets'],
+                                     os.path.join(os.getcwd(), name))
 
     def test_every_other_argument_of_the_matcher_reaches_it_through_each_file(self):
         given = {'namespace': 'front', 'name': 'eyes', 'transport': 'compressed', 'queue_size': '7',
@@ -233,7 +235,6 @@ class LaunchFilesTest(unittest.TestCase):
             file.flush()
             for launch in ('matcher.launch', 'bag.launch', 'tune.launch', 'multi_camera.launch'):
                 for path in (file.name, os.path.basename(file.name)):
-                    os.environ['PWD'] = os.getcwd()
                     got = self.parameters_of(launch, 'preset:=robust', 'params:=' + path,
                                              'set:={levels: 6}')
                     self.assertIs(got['guided'], True, launch)

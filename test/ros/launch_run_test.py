@@ -93,7 +93,7 @@ class Launch(Program):
 
     def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
                  **environment):
-        self.environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
+        self.environment = dict(master.environment, **dict({'PWD': cwd or os.getcwd()}, **environment))
         self.environment.pop(without, None)
         super().__init__('roslaunch', *package, *arguments, cwd=cwd, env=self.environment)
 
@@ -284,7 +284,8 @@ class LaunchRunTest(FolderCase):
                 ('/robot/camera/matcher', self.bag, [], {'ROS_NAMESPACE': 'robot'}),
                 ('/camera/matcher', 'plain.bag', ['topic:=camera/image_raw'], {}),
                 ('/camera/matcher', 'plain.bag', [], {}))):
-            launch = self.launch('bag.launch', 'bag:=' + bag, 'rviz:=false', 'record:=%d.bag' % i, *arguments, **environment)
+            launch = self.launch('bag.launch', 'bag:=' + bag, 'rviz:=false', 'record:=%d.bag' % i, *arguments,
+                                 **environment)
             output = launch.wait()
             self.assertTrue(messages_of(self.path('%d.bag' % i), matcher + '/statistics'), output)
 
