@@ -106,9 +106,17 @@ std::vector<std::string> warningsOfUnknown(const ros::NodeHandle& node,
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
-    // Plugins have their own parameters below a topic, such as matches_image/compressed.
-    if (own.find('/') != std::string::npos) continue;
-    if (std::find(known.begin(), known.end(), own) != known.end()) continue;
+    const std::string last = own.substr(own.rfind('/') + 1);
+    const bool is_known = std::find(known.begin(), known.end(), last) != known.end();
+    if (last != own) {
+      // Plugins have their own parameters below a topic, such as matches_image/compressed.
+      if (is_known) {
+        warnings.push_back("parameter " + name + " has no effect on this node; expected " + prefix +
+                           last);
+      }
+      continue;
+    }
+    if (is_known) continue;
     warnings.push_back("parameter " + name + " is not known to this node and has no effect" +
                        hintOnName(own, known));
   }

@@ -17,7 +17,8 @@ namespace ktgp_orb {
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// A warning for each parameter below `node` that the nodelet does not know, with the known
-/// parameter that is spelt most like it. (ROS does not warn about unknown parameters.)
+/// parameter that is spelt most like it, and for each known one in a namespace below `node`, where
+/// a file with one level too many puts it. (ROS does not warn about unknown parameters.)
 std::vector<std::string> warningsOfUnknown(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Checks what dynamic_reconfigure does not check: that numbers are finite, and that texts are

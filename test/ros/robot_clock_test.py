@@ -54,3 +54,13 @@ class ClockTest(unittest.TestCase):
                 self.assertTrue(misspelt.says('parameter /misspelt_%s/T_w_ is not known to this node and has no '
                                               'effect%s' % (kind, hint)),
                                 misspelt.output())
+
+    def test_parameters_one_level_too_deep_are_named_and_those_of_plugins_are_not(self):
+        rospy.set_param('/nested', {'matcher': {'T_w': 0.7, 'other': 1}, 'T_w_': 1.0,
+                                    'matches_image': {'compressed': {'format': 'png', 'jpeg_quality': 90}}})
+        with node('matcher', 'nested') as nested:
+            self.assertTrue(nested.says('/nested/T_w_ is not known', 'parameter /nested/matcher/T_w has no effect on '
+                                        'this node; expected /nested/T_w'), nested.output())
+            self.assertTrue(nested.says('matches images on'), nested.output())
+        for words in ('jpeg_quality', '/format', 'other'):
+            self.assertNotIn(words, nested.output())
