@@ -1,5 +1,6 @@
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <ktgp_orb/Match.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SetPose.h>
 #include <nav_msgs/Odometry.h>
 #include <std_srvs/Trigger.h>
@@ -28,6 +29,9 @@ using std_srvs::Trigger;
 constexpr const char* kNoTime =
     "header.stamp of the images is zero, so there is no time between them; the driver should give "
     "each image the time of its exposure";
+
+/// Said in the diagnostics alone, as it is so at each start.
+constexpr const char* kStart = "the first frame has no reference";
 
 std::string number(double value) {
   return util::format("%.6g", value);
@@ -128,7 +132,9 @@ void GroundWork::process(const MatchConstPtr& match) {
     motion_.setOptions(readings_.optionsFor(match->header));
     const GroundEstimate estimate = readings_.withPatience(
         motion_.add(readings_.frameOf(match->homography, size, *info_, pixels)));
-    problem = readings_.problemOf(estimate);
+    const bool is_start = estimate.status == GroundStatus::no_homography &&
+                          match->homography.reason == MatchStatus::REASON_FIRST_FRAME;
+    problem = is_start ? kStart : readings_.problemOf(estimate);
     const std::string not_used = readings_.notUsed(estimate);
     diagnosis_.setProblem("not used", not_used, false);
     diagnosis_.setValue("not used", util::printable(not_used, 600));
@@ -138,7 +144,8 @@ void GroundWork::process(const MatchConstPtr& match) {
     problem = error.what();
   }
   if (!problem.empty()) diagnosis_.setProblem("not used", "");
-  diagnosis_.setProblem("motion", problem.empty() ? "" : "nothing is published: " + problem);
+  diagnosis_.setProblem("motion", problem.empty() ? "" : "nothing is published: " + problem,
+                        problem != kStart);
   diagnosis_.count("published", problem.empty() ? 1 : 0);
   diagnosis_.done(match->header.stamp, start);
 }

@@ -12,7 +12,7 @@ import rosgraph
 import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
-from ktgp_orb.msg import Match
+from ktgp_orb.msg import Match, MatchStatus
 from ktgp_orb.srv import SetPose
 from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, node, view, wait_until
 from nav_msgs.msg import Odometry
@@ -342,6 +342,30 @@ class MotionTest(unittest.TestCase):
             send(100)
             wait_until(lambda: total('motion', 'frames done'), lambda: 'one is processed: ' + alone.output())
             self.assertEqual(total('motion', 'frames done'), 1, 'all of them would be processed after max_age')
+            matches.unregister()
+
+    def test_8_a_start_is_no_warning(self):
+        with node('GroundMotion', 'by_start', 'match:=/by_start/match', 'camera_info:=/camera/camera_info',
+                  '_height_source:=parameter', '_height:=1.0', '_normal_source:=down', '_base_frame:=') as alone:
+            twists = Recorder('/by_start/twist', TwistWithCovarianceStamped, self)  # without one it hears nothing
+            wait_until(twists.publishers, alone.output)
+            matches = rospy.Publisher('/by_start/match', Match, queue_size=10)
+            wait_until(matches.get_num_connections, lambda: 'it runs: ' + alone.output())
+
+            def says(status, reason, words):
+                match = Match()
+                match.header.stamp, match.header.frame_id = rospy.Time(1000, 1000 * status), 'camera'
+                match.homography.header = match.header
+                match.homography.status, match.homography.reason = status, reason
+                match.homography.image_width, match.homography.image_height = 640, 480
+                self.infos.publish(calibration(match.header.stamp))
+                matches.publish(match)
+                wait_until(lambda: any(words in s.message for s in self.diagnostics.of('by_start: motion')),
+                           lambda: words + alone.output())
+            says(MatchStatus.STATUS_NO_REFERENCE, MatchStatus.REASON_FIRST_FRAME, 'the first frame has no reference')
+            says(MatchStatus.STATUS_NO_MODEL, MatchStatus.REASON_NONE, 'the matcher found no homography')
+            self.assertTrue(alone.says('the matcher found no homography'))
+            self.assertNotIn('the first frame', alone.output())
             matches.unregister()
 
     def test_8_a_mount_that_was_sent_once_before_anybody_subscribed_is_known(self):
