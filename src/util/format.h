@@ -1,5 +1,7 @@
 #pragma once
 
+#include <locale.h>
+
 #include <algorithm>
 #include <cstdarg>
 #include <cstddef>
@@ -9,8 +11,11 @@
 
 namespace ktgp_orb::util {
 
-/// Formats text like std::printf and returns it as a string.
+/// Formats text like std::printf and returns it as a string. Numbers have decimal points, also in a
+/// program, such as the host of a nodelet, that has set a locale with decimal commas.
 __attribute__((format(printf, 1, 2))) inline std::string format(const char* pattern, ...) {
+  static const locale_t c_locale = newlocale(LC_NUMERIC_MASK, "C", nullptr);
+  const locale_t before = uselocale(c_locale);
   va_list values;
   va_start(values, pattern);
   va_list again;
@@ -19,6 +24,7 @@ __attribute__((format(printf, 1, 2))) inline std::string format(const char* patt
   std::vsnprintf(text.data(), text.size() + 1, pattern, again);
   va_end(again);
   va_end(values);
+  uselocale(before);
   return text;
 }
 

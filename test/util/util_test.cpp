@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <atomic>
+#include <clocale>
 #include <cmath>
 #include <random>
 #include <stdexcept>
@@ -15,6 +16,7 @@
 
 #include "allocation_counter.h"
 #include "util/cells.h"
+#include "util/format.h"
 #include "util/grey_levels.h"
 #include "util/printable.h"
 #include "util/small_matrix.h"
@@ -31,6 +33,17 @@ TEST(Cells, OfALongImageAreAsManyAsItNeeds) {
   const Cells few(Eigen::Vector2d(-4.0, 2.0), {1e6, 3.0}, 2.0, 64);
   EXPECT_EQ(few.count(), 64U * 2U);
   EXPECT_EQ(few.at(1e5, 4.5), 64U + 63U);
+}
+
+TEST(Format, NumbersHavePointsInEachLocale) {
+  if (std::setlocale(LC_ALL, "de_DE.UTF-8") == nullptr) {
+    GTEST_SKIP() << "the locale de_DE.UTF-8 is not installed";
+  }
+  const std::string text = format("%.2f %s", 1.5, "a");
+  const char own = *std::localeconv()->decimal_point;
+  std::setlocale(LC_ALL, "C");
+  EXPECT_EQ(text, "1.50 a");
+  EXPECT_EQ(own, ',') << "the locale of the program is unchanged";
 }
 
 TEST(ThreadPool, RunsEveryIterationOnceForAnyNumberOfThreads) {
