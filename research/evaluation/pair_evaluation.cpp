@@ -80,9 +80,10 @@ void resize(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, Ima
 void requireOverlap(const ImagePair& pair, const cv::Size& reference, const cv::Size& target) {
   constexpr int kSteps = 50;
   for (int i = 0; i < kSteps * kSteps; ++i) {
-    const Eigen::Vector2d at = homography::project(
-        pair.homography, {(reference.width - 1.0) * (i % kSteps) / (kSteps - 1),
-                          (reference.height - 1.0) * (i / kSteps) / (kSteps - 1)});
+    const int row = i / kSteps;
+    const Eigen::Vector2d at =
+        homography::project(pair.homography, {(reference.width - 1.0) * (i % kSteps) / (kSteps - 1),
+                                              (reference.height - 1.0) * row / (kSteps - 1)});
     if (isInside(target, at.x(), at.y())) return;
   }
   throw files::FileError(pair.reference, "the true homography maps no point of it into " +

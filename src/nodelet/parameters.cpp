@@ -110,10 +110,9 @@ std::vector<std::string> warningsOfUnknown(const ros::NodeHandle& node,
     const bool is_known = std::find(known.begin(), known.end(), last) != known.end();
     if (last != own) {
       // Plugins have their own parameters below a topic, such as matches_image/compressed.
-      if (is_known) {
-        warnings.push_back("parameter " + name + " has no effect on this node; expected " + prefix +
-                           last);
-      }
+      if (!is_known) continue;
+      warnings.push_back("parameter " + name + " has no effect on this node; expected ");
+      warnings.back().append(prefix).append(last);
       continue;
     }
     if (is_known) continue;
