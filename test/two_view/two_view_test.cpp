@@ -707,7 +707,7 @@ TEST(TwoView, SaysThatABonnetMayMove) {
 }
 
 /// A vehicle moves through the view of a camera that travels, too: its flat side covers 10 to 40 %
-/// of the image, and has about as many pairs as the scene behind it.
+/// of the image, and has up to twice as many pairs as the scene behind it.
 TEST(TwoView, DoubtsAMotionThatJoinsAVehicleAndTheScene) {
   Numbers numbers(39);
   TwoViewEstimator estimator;
